@@ -1,0 +1,51 @@
+# Each target does its own set-up: all that is needed is Python and make.
+# Another Python: make PYTHON=python3.12 test
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/ready
+
+.PHONY: help demo test test-slow lint render picture clean
+
+help:
+	@echo "make demo       fit the atmosphere of the eclipse of 2022-05-16; the report is in demo/"
+	@echo "make test       run the tests"
+	@echo "make test-slow  run the tests that take longer"
+	@echo "make lint       check style and types"
+	@echo "make render     render an eclipse to out/eclipse.png"
+	@echo "make picture    render the picture of the README"
+	@echo "make clean      remove all that make has made, .venv included"
+
+demo: $(READY)
+	$(BIN)/fit_atmosphere --demo --out demo
+
+test: $(READY)
+	$(BIN)/pytest
+
+test-slow: $(READY)
+	$(BIN)/pytest -m slow
+
+lint: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/pyright
+
+render: $(READY)
+	mkdir -p out
+	$(BIN)/eclipsejax render 2008-02-21T03:26Z --site 42.73,-73.68 --alpha 4.7e-6 -o out/eclipse.png
+
+picture: $(READY)
+	$(BIN)/eclipsejax render 2022-05-16T04:11:30Z --size 320 -o docs/eclipse-2022-05-16.png
+
+clean:
+	rm -rf .venv out demo .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Touched last, so that an interrupted installation is taken up again.
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "This needs Python 3.11 or later, which '$(PYTHON)' is not: name one, as in: make PYTHON=python3.12 test" >&2; \
+	  exit 1; }
+	@echo "Installing into .venv: this takes some minutes, once."
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --editable '.[lint,test]'
+	@touch $@

@@ -1,0 +1,89 @@
+"""Differentiable simulation of lunar eclipses: `import eclipsejax as ej`.
+
+Public names are loaded when first used: the import itself takes milliseconds, and a script that only reads
+the almanac never waits for JAX.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from eclipsejax.air import Air as Air
+    from eclipsejax.almanac import Eclipse as Eclipse
+    from eclipsejax.almanac import eclipses as eclipses
+    from eclipsejax.almanac import nearest_eclipse as nearest_eclipse
+    from eclipsejax.atmosphere import Atmosphere as Atmosphere
+    from eclipsejax.atmosphere import Clouds as Clouds
+    from eclipsejax.atmosphere import Dust as Dust
+    from eclipsejax.atmosphere import Haze as Haze
+    from eclipsejax.atmosphere import Ozone as Ozone
+    from eclipsejax.atmosphere import extinction as extinction
+    from eclipsejax.atmosphere import refractivity as refractivity
+    from eclipsejax.camera import Camera as Camera
+    from eclipsejax.camera import Exposure as Exposure
+    from eclipsejax.camera import ToneCurve as ToneCurve
+    from eclipsejax.camera import expose as expose
+    from eclipsejax.ephemeris import Geometry as Geometry
+    from eclipsejax.ephemeris import geometry as geometry
+    from eclipsejax.ephemeris import local_circumstances as local_circumstances
+    from eclipsejax.errors import InputError as InputError
+    from eclipsejax.limb import bending_angle as bending_angle
+    from eclipsejax.limb import impact_parameter as impact_parameter
+    from eclipsejax.limb import optical_depth as optical_depth
+    from eclipsejax.march import march_ray as march_ray
+    from eclipsejax.moon import Moon as Moon
+    from eclipsejax.render import render as render
+    from eclipsejax.response import display as display
+    from eclipsejax.scene import Scene as Scene
+    from eclipsejax.shadow import shadow_irradiance as shadow_irradiance
+    from eclipsejax.sky import Sky as Sky
+    from eclipsejax.sun import Sun as Sun
+    from eclipsejax.sun import limb_darkening as limb_darkening
+
+_NAMES = {
+    "air": ["Air"],
+    "almanac": ["Eclipse", "eclipses", "nearest_eclipse"],
+    "atmosphere": ["Atmosphere", "Clouds", "Dust", "Haze", "Ozone", "extinction", "refractivity"],
+    "camera": ["Camera", "Exposure", "ToneCurve", "expose"],
+    "ephemeris": ["Geometry", "geometry", "local_circumstances"],
+    "errors": ["InputError"],
+    "limb": ["bending_angle", "impact_parameter", "optical_depth"],
+    "march": ["march_ray"],
+    "moon": ["Moon"],
+    "render": ["render"],
+    "response": ["display"],
+    "scene": ["Scene"],
+    "shadow": ["shadow_irradiance"],
+    "sky": ["Sky"],
+    "sun": ["Sun", "limb_darkening"],
+}
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
+
+if not TYPE_CHECKING:  # to a type checker every name would exist
+    __all__ = sorted(_HOME)
+
+    def __getattr__(name):
+        if name not in _HOME:
+            raise AttributeError(f"module 'eclipsejax' has no attribute {name!r}")
+        value = getattr(import_module(f"eclipsejax.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+
+    def __dir__():
+        return sorted({*globals(), *_HOME})
+
+
+class _Package(ModuleType):
+    """The package, in which the module `render` does not take the place of the function `render`.
+
+    Importing a submodule sets it as an attribute of its package, whenever and by whomever that happens first.
+    """
+
+    def __setattr__(self, name: str, value) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,0 +1,199 @@
+"""Grazing rays at Chebyshev nodes of tangent height, and any ray between them by interpolation.
+
+Bending and optical depth are smooth between two breaks of the atmosphere but for a square-root cusp just below the upper one, so they
+are interpolated in u = sqrt((upper - z) / (upper - lower)), in which the error falls exponentially with the number of nodes.
+The rays depend on wavelength through the refractivity of standard air alone: a few values of it serve all wavelengths.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from eclipsejax.constants import EARTH_RADIUS
+from eclipsejax.limb import grazing_ray, medium
+from eclipsejax.sunlight import sky_angle
+
+
+class Rays(eqx.Module):
+    """Interpolated rays of one panel, any shape."""
+
+    tangent_height: Float[Array, "..."]
+    impact: Float[Array, "..."]
+    impact_slope: Float[Array, "..."]  # |da/du|
+    bending: Float[Array, "..."]
+    columns: Float[Array, "... constituent"]
+
+
+class LimbTable(eqx.Module):
+    """Chebyshev coefficients of the rays; leading axes (wavelength, panel) peel off under `vmap`.
+
+    - `lower`, `upper`: tangent heights at the panel's ends [m].
+    - `lift`: coefficients of a - r_t [m]; `bending` [rad]; `columns`: of each constituent's profile along the ray.
+    """
+
+    lower: Float[Array, "..."]
+    upper: Float[Array, "..."]
+    lift: Float[Array, "... node"]
+    bending: Float[Array, "... node"]
+    columns: Float[Array, "... node constituent"]
+
+    def at(self, u: Float[Array, "..."]) -> Rays:
+        """The rays at u (one panel)."""
+        basis = _chebyshev(u, self.lift.shape[-1])
+        height = self.upper - self.lower
+        tangent_height = self.upper - height * u**2
+        impact = EARTH_RADIUS + tangent_height + basis @ self.lift
+        impact_slope = jnp.abs(basis @ _derivative(self.lift) - 2.0 * height * u)
+        return Rays(tangent_height, impact, impact_slope, basis @ self.bending, basis @ self.columns)
+
+    def sky_angle(self, u, distance, sun_distance, derivatives: int = 0):
+        """psi (one panel) and, for Newton's sake, its first derivatives by u, to 2e-4."""
+        basis = _chebyshev(u, self.lift.shape[-1])
+        height = self.upper - self.lower
+        impact = EARTH_RADIUS + self.upper - height * u**2 + basis @ self.lift
+        values = [sky_angle(impact, distance, sun_distance) - basis @ self.bending]
+        reach = 1.0 / distance + 1.0 / sun_distance
+        coefficients = reach * self.lift - self.bending
+        for polynomial in (-2.0 * u, jnp.full_like(u, -2.0))[:derivatives]:
+            coefficients = _derivative(coefficients)
+            values.append(basis @ coefficients + reach * height * polynomial)
+        return values
+
+    def pieces(self, distance, sun_distance, edges, hooks: bool):
+        """Start and stop, in u, of the stretches on which psi lies between neighbouring `edges` (ascending).
+
+        psi falls with u, but for a hook just below some breaks, where it first rises; with `hooks` the rising stretch
+        is cut as well. Found without derivative: where the nodes lie does not change the integral,
+        and at the edges the integrand is zero or continuous.
+        """
+        frozen, distance, sun_distance, edges = jax.lax.stop_gradient((self, distance, sun_distance, edges))
+
+        def psi(u, derivatives=0):
+            return frozen.sky_angle(u, distance, sun_distance, derivatives)
+
+        grid = jnp.linspace(0.0, 1.0, 2 * self.lift.shape[-1])
+        summit = grid[jnp.argmax(psi(grid)[0])]
+
+        def climb(_, u):
+            _, slope, curvature = psi(u, 2)
+            return jnp.clip(u - slope / jnp.where(curvature != 0.0, curvature, jnp.inf), 0.0, 1.0)
+
+        if hooks:
+            summit = jnp.where(summit > 0.0, jax.lax.fori_loop(0, 4, climb, summit), summit)
+
+        def cuts(start, stop):
+            """Where a monotone stretch passes each edge, clipped to its ends, in the order of the edges."""
+            x = start + (stop - start) * grid
+            along = psi(x)[0]
+            direction = jnp.where(along[-1] < along[0], -1.0, 1.0)
+
+            def newton(_, u):
+                value, slope = psi(u, 1)
+                return jnp.clip(u - (value - edges) / jnp.where(slope != 0.0, slope, jnp.inf), start, stop)
+
+            roots = jax.lax.fori_loop(0, 3, newton, jnp.interp(direction * edges, direction * along, x))
+            low, high = jnp.minimum(along[0], along[-1]), jnp.maximum(along[0], along[-1])
+            lowest, highest = jnp.where(direction < 0, stop, start), jnp.where(direction < 0, start, stop)
+            return jnp.where(edges <= low, lowest, jnp.where(edges >= high, highest, roots))
+
+        falling = cuts(summit, jnp.ones_like(summit))[::-1]
+        start, stop = falling[:-1], falling[1:]
+        if hooks:
+            rising = cuts(jnp.zeros_like(summit), summit)
+            start, stop = jnp.concatenate([start, rising[:-1]]), jnp.concatenate([stop, rising[1:]])
+        return jax.lax.stop_gradient((start, jnp.maximum(start, stop)))
+
+
+def limb_table(atmosphere, wavelength: Float[Array, " wavelength"], counts, breaks=None):
+    """Trace the rays of an atmosphere for all wavelengths [nm].
+
+    Returns the `LimbTable`, with wavelength as its leading axis, and the coefficients (wavelength, constituent) that turn
+    columns into optical depth. (Interpolating the irradiance instead, between a few refractivities, would
+    save most of the work in `shadow`; caustics make that wrong by up to 6 %.)
+
+    - `counts`: a `Quadrature` or `RayCounts`; `ray`, `table` and `dispersion` are used.
+    - `breaks`: ends of the panels [m]; those of the atmosphere by default.
+    """
+    breaks = atmosphere.breaks if breaks is None else breaks
+    lower, upper = breaks[:-1], breaks[1:]
+    u, to_coefficients = _chebyshev_nodes(counts.table)
+    tangent_height = (upper - (upper - lower) * u[:, None] ** 2).T  # (panel, node)
+
+    def trace(profile):
+        def one(z):
+            bending, columns = grazing_ray(
+                profile, breaks, z, order=counts.ray, newton_steps=2 if counts.ray > 8 else 1
+            )
+            return (EARTH_RADIUS + z) * profile(z)[0], bending, columns
+
+        return jax.vmap(jax.vmap(one))(tangent_height)
+
+    if hasattr(atmosphere, "profiles"):
+        refractivities, mixture = _dispersion_nodes(atmosphere, wavelength, counts.dispersion)
+
+        def scaled(refractivity):
+            def profile(z):
+                density_ratio, absorbers = atmosphere.profiles(z)
+                return refractivity * density_ratio, absorbers
+
+            return profile
+
+        traced = jax.vmap(lambda refractivity: trace(scaled(refractivity)))(refractivities)
+        traced = jax.tree.map(lambda values: jnp.tensordot(mixture, values, axes=1), traced)
+        coefficients = jax.vmap(atmosphere.coefficients)(wavelength)
+    else:
+        traced = jax.vmap(lambda w: trace(medium(atmosphere, w)))(wavelength)
+        coefficients = jnp.ones((wavelength.size, 1))
+
+    lift, bending, columns = traced
+    wavelengths, panels, _ = lift.shape
+    table = LimbTable(
+        jnp.broadcast_to(lower, (wavelengths, panels)),
+        jnp.broadcast_to(upper, (wavelengths, panels)),
+        lift @ to_coefficients.T,
+        bending @ to_coefficients.T,
+        jnp.einsum("kn,wpnc->wpkc", to_coefficients, columns),
+    )
+    return table, coefficients
+
+
+def _dispersion_nodes(atmosphere, wavelength, count):
+    """Refractivities that span those of the wavelengths, and the Lagrange weights (wavelength, node) between them."""
+    refractivity = jax.vmap(atmosphere.dispersion)(wavelength)
+    low, high = jnp.min(refractivity), jnp.max(refractivity)
+    # A relative 1e-4 at least, so that one wavelength alone, or none that refracts, divides by no zero.
+    half = jnp.maximum(0.5 * (high - low), 0.5e-4 * high + 1e-12)
+    nodes = 0.5 * (high + low) + half * jnp.cos(np.pi * (np.arange(count) + 0.5) / count)
+    distinct = ~np.eye(count, dtype=bool)
+    gaps = jnp.where(distinct, nodes[:, None] - nodes[None, :], 1.0)
+    ratios = (refractivity[:, None, None] - nodes) / gaps
+    return nodes, jnp.prod(jnp.where(distinct, ratios, 1.0), axis=2)
+
+
+def _chebyshev(u, count):
+    """Chebyshev polynomials of 2u - 1 in a new last axis."""
+    x = 2.0 * u - 1.0
+    t = [jnp.ones_like(x), x]
+    for _ in range(count - 2):
+        t.append(2.0 * x * t[-1] - t[-2])
+    return jnp.stack(t, axis=-1)
+
+
+def _derivative(coefficients):
+    """Chebyshev coefficients of the derivative by u."""
+    count = coefficients.shape[-1]
+    matrix = np.zeros((count, count))
+    for k in range(1, count):
+        row = np.polynomial.chebyshev.chebder(np.eye(count)[k])
+        matrix[k, : row.size] = row
+    return 2.0 * coefficients @ jnp.asarray(matrix, dtype=float)
+
+
+def _chebyshev_nodes(count):
+    """Nodes u on [0, 1] and the matrix from values at them to Chebyshev coefficients."""
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    matrix = np.cos(np.outer(np.arange(count), angle)) * (2.0 / count)
+    matrix[0] *= 0.5
+    return jnp.asarray(0.5 * (1.0 + np.cos(angle)), dtype=float), jnp.asarray(matrix, dtype=float)

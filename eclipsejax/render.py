@@ -1,0 +1,122 @@
+"""The picture: light of the shadow on the Moon, through the observer's air, into a camera."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from eclipsejax.camera import blur, sky_plane
+from eclipsejax.constants import MOON_RADIUS
+from eclipsejax.ephemeris import moon_altitude
+from eclipsejax.response import linear_from_xyz, responses
+from eclipsejax.scene import Scene, axis_offset, disc_points
+from eclipsejax.shadow import quadrature_for
+from eclipsejax.shadow_table import shadow_table
+
+# The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
+FULL_MOON_PHASE = np.radians(1.5)
+
+
+class Sampling(NamedTuple):
+    """How finely a picture samples the shadow."""
+
+    offsets: int
+    wavelengths: int
+
+
+SAMPLINGS = {1e-2: Sampling(40, 24), 1e-3: Sampling(64, 40), 1e-4: Sampling(128, 80), 1e-6: Sampling(400, 200)}
+
+
+def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array, "row column channel"]:
+    """Linear picture of a lunar eclipse, optics included, exposure not: see `camera.expose`.
+
+    The unit is the mean of the uneclipsed disc (at the phase angle of 1.5 degrees) above the air, in luminance for the
+    response "srgb" and in the green channel of a camera. "srgb" gives linear sRGB, which may be negative for colours outside its gamut.
+
+    - `tolerance`: relative error wanted of the irradiance; 1e-2, 1e-3, 1e-4 or 1e-6 are measured settings.
+    """
+    camera = scene.camera
+    row, column = jnp.meshgrid(*(jnp.arange(n, dtype=float) for n in camera.shape), indexing="ij")
+    light = surface_light(scene, atmosphere, *sky_plane(camera, row, column), tolerance=tolerance)
+    if camera.response == "srgb":
+        light = linear_from_xyz(light)
+    return blur(light, camera)
+
+
+def surface_light(scene: Scene, atmosphere, east, north, *, tolerance: float) -> Float[Array, "... channel"]:
+    """Radiance in the camera's channels (CIE XYZ for "srgb") in the directions given, 0 beside the Moon.
+
+    - `east`, `north`: angles from the disc's apparent centre [rad].
+    """
+    nearest = min(SAMPLINGS, key=lambda known: abs(np.log(known / tolerance)))
+    sampling = SAMPLINGS[nearest]
+    wavelength, weights = channel_weights(scene, sampling.wavelengths)
+    geometry = scene.geometry
+    points = disc_points(geometry, *unflattened(scene, east, north))
+    offset = axis_offset(geometry, points.position)
+    distance = jnp.linalg.norm(points.position, axis=-1)
+    table = shadow_table(
+        atmosphere,
+        scene.sun,
+        jnp.linalg.norm(geometry.moon),
+        jnp.linalg.norm(geometry.sun),
+        disc_offsets(geometry),
+        wavelength,
+        weights,
+        quadrature=quadrature_for(tolerance),
+        count=sampling.offsets,
+    )
+    return table(offset, distance) * surface_reflectance(scene.moon, points)[..., None]
+
+
+def surface_reflectance(moon, points):
+    """Brightness of the surface in full sunlight, mean of the uneclipsed disc 1 [-]; 0 beside the disc."""
+    shape = moon.reflectance(points.incidence_cosine, points.emission_cosine, points.phase_angle)
+    full = moon.reflectance(1.0, 1.0, FULL_MOON_PHASE) / moon.reflectance(1.0, 1.0, 0.0)
+    return jnp.where(points.on_disc, shape / full * moon.albedo(points.longitude, points.latitude), 0.0)
+
+
+def disc_offsets(geometry):
+    """Smallest and largest angle from the shadow's axis on the Moon [rad]."""
+    distance = jnp.linalg.norm(geometry.moon)
+    centre = axis_offset(geometry, geometry.moon)
+    reach = jnp.arcsin(MOON_RADIUS / (distance - MOON_RADIUS))
+    return jnp.stack([jnp.maximum(centre - reach, 0.0), centre + reach])
+
+
+def unflattened(scene: Scene, east, north):
+    """True angles from the disc's centre for those seen through the refracting air of the observer."""
+    if scene.sky is None:
+        return east, north
+    geometry = scene.geometry
+    factor = scene.sky.flattening(moon_altitude(geometry))
+    sight = geometry.moon - geometry.observer
+    to_east = jnp.cross(geometry.pole, sight)
+    to_north = jnp.cross(sight, to_east)
+    up_east = geometry.zenith @ to_east / jnp.linalg.norm(to_east)
+    up_north = geometry.zenith @ to_north / jnp.linalg.norm(to_north)
+    length = jnp.sqrt(up_east**2 + up_north**2 + 1e-30)
+    up_east, up_north = up_east / length, up_north / length
+    lift = (up_east * east + up_north * north) * (1.0 / factor - 1.0)
+    return east + lift * up_east, north + lift * up_north
+
+
+def channel_weights(scene: Scene, count: int):
+    """Wavelengths [nm] and weights (wavelength, channel) that turn irradiance into the camera's channels.
+
+    Each weight is the integral of Sun x Moon x response over a bin, on a 1 nm grid, so that Fraunhofer lines average out; the
+    irradiance is taken at the bin's middle. XYZ for the response "srgb".
+    """
+    bins = np.linspace(380.0, 780.0, count + 1)
+    wavelength = jnp.asarray(0.5 * (bins[1:] + bins[:-1]))
+    fine = np.arange(380.25, 780.0, 0.5)
+    camera = scene.camera
+    response = responses("xyz" if camera.response == "srgb" else camera.response, fine)
+    light = scene.sun.irradiance(jnp.asarray(fine)) * scene.moon.spectrum(jnp.asarray(fine))
+    member = np.clip(np.searchsorted(bins, fine) - 1, 0, count - 1)[None, :] == np.arange(count)[:, None]
+    weights = jnp.asarray(member, dtype=float) @ (light[:, None] * response)
+    weights = weights / jnp.sum(weights[:, 1])
+    if scene.sky is not None:
+        weights = weights * scene.sky.transmission(wavelength, moon_altitude(scene.geometry))[:, None]
+    return wavelength, weights

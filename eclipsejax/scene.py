@@ -1,0 +1,151 @@
+"""What is in the picture: the geometry of one instant and the things that make the light."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from eclipsejax.camera import Camera
+from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.ephemeris import Geometry, geometry, moon_altitude, nearest_eclipse
+from eclipsejax.errors import InputError
+from eclipsejax.moon import Moon
+from eclipsejax.sky import Sky
+from eclipsejax.sun import Sun
+from eclipsejax.traced import safe_sqrt
+
+
+class DiscPoints(eqx.Module):
+    """The lunar surface behind points of the sky; all fields have the shape of the points."""
+
+    on_disc: Bool[Array, "..."]
+    """Whether the line of sight meets the Moon; elsewhere the other fields are those of the nearest limb."""
+    position: Float[Array, "... 3"]
+    """Geocentric, ICRS axes [m]."""
+    longitude: Float[Array, "..."]
+    """Selenographic, east positive [rad]."""
+    latitude: Float[Array, "..."]
+    """Selenographic, north positive [rad]."""
+    incidence_cosine: Float[Array, "..."]
+    """Of the angle between the surface normal and the Sun's centre [-]."""
+    emission_cosine: Float[Array, "..."]
+    """Of the angle between the surface normal and the observer [-]."""
+    phase_angle: Float[Array, "..."]
+    """Between the light that arrives and the observer [rad].
+
+    Where the Earth hides the Sun's centre the light comes from the Earth's limb, some 57' from the Earth's centre and, on
+    average, from the observer.
+    """
+
+
+def disc_points(
+    geometry: Geometry, east: Float[Array, "..."], north: Float[Array, "..."]
+) -> DiscPoints:
+    """Where lines of sight meet the Moon, a sphere of `MOON_RADIUS`.
+
+    - `east`, `north`: tangent-plane angles from the apparent centre of the disc towards celestial east and north [rad].
+    """
+    sight = geometry.moon - geometry.observer
+    distance = jnp.linalg.norm(sight)
+    ahead = sight / distance
+    to_east = jnp.cross(geometry.pole, ahead)
+    to_east = to_east / jnp.linalg.norm(to_east)
+    to_north = jnp.cross(ahead, to_east)
+
+    # The point is the centre plus (e, n) across the line of sight and -d along it; squares of sines, not
+    # differences of distances, so that float32 keeps the limb.
+    tangent_squared = east**2 + north**2
+    scale = jnp.sqrt(1.0 + tangent_squared)
+    perpendicular = distance * jnp.sqrt(tangent_squared) / scale
+    on_disc = perpendicular < MOON_RADIUS
+    half_chord = safe_sqrt(MOON_RADIUS**2 - perpendicular**2)
+    across = (distance / scale - half_chord) / scale
+    along = -distance * tangent_squared / scale**2 - half_chord / scale
+    from_centre = (
+        (across * east)[..., None] * to_east + (across * north)[..., None] * to_north + along[..., None] * ahead
+    )
+    normal = from_centre / jnp.linalg.norm(from_centre, axis=-1, keepdims=True)
+    position = geometry.moon + MOON_RADIUS * normal
+
+    x, y, z = jnp.moveaxis(normal @ geometry.moon_axes.T, -1, 0)
+    to_sun = _unit(geometry.sun - position)
+    to_observer = _unit(geometry.observer - position)
+    separation = jnp.linalg.norm(jnp.cross(to_sun, to_observer), axis=-1)
+    earth_limb = EARTH_RADIUS / jnp.linalg.norm(position, axis=-1)
+    return DiscPoints(
+        on_disc=on_disc,
+        position=position,
+        longitude=jnp.arctan2(y, x),
+        latitude=jnp.arcsin(jnp.clip(z, -1.0, 1.0)),
+        incidence_cosine=jnp.sum(normal * to_sun, axis=-1),
+        emission_cosine=jnp.sum(normal * to_observer, axis=-1),
+        phase_angle=jnp.maximum(jnp.arcsin(jnp.clip(separation, 0.0, 1.0)), earth_limb),
+    )
+
+
+def _unit(vector):
+    return vector / jnp.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+def axis_offset(geometry: Geometry, position: Float[Array, "... 3"]) -> Float[Array, "..."]:
+    """Angle at the Earth's centre between a point and the axis of the shadow [rad]; gradient 0 on the axis."""
+    axis = -_unit(geometry.sun)
+    sine = jnp.cross(_unit(position), axis)
+    return jnp.arcsin(jnp.clip(safe_sqrt(jnp.sum(sine**2, axis=-1)), 0.0, 1.0))
+
+
+class Scene(eqx.Module):
+    """A lunar eclipse as one camera sees it at one instant."""
+
+    geometry: Geometry
+    """Sun, Moon and observer."""
+    camera: Camera = eqx.field(default_factory=Camera)
+    """Where the picture is taken to."""
+    sun: Sun = eqx.field(default_factory=Sun)
+    """The source."""
+    moon: Moon = eqx.field(default_factory=Moon)
+    """The screen."""
+    sky: Sky | None = None
+    """The observer's air; None for a picture above it."""
+
+    @classmethod
+    def at(
+        cls,
+        utc: str,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        height: float = 0.0,
+        **parts,
+    ) -> "Scene":
+        """The scene at a time, from a site, or from the Earth's centre if none is given.
+
+        Raises `InputError` where there is no eclipse at that time, or the Moon is below the site's horizon.
+
+        - `utc`: ISO string with its zone.
+        - `latitude`, `longitude`: geodetic, north and east positive [degrees].
+        - `height`: [m].
+        - `parts`: `camera`, `sun`, `moon`, `sky`.
+        """
+        where = geometry(utc, latitude, longitude, height)
+        check_eclipsed(where)
+        if latitude is not None and moon_altitude(where) < np.radians(-1.0):
+            raise InputError(
+                f"At {where.utc} the Moon is {-np.degrees(moon_altitude(where)):.0f} degrees below the horizon of "
+                f"{latitude:g}, {longitude:g}: check time, longitude (east is positive) and site."
+            )
+        if latitude is not None and "sky" not in parts:
+            parts["sky"] = Sky(height=height)
+        return cls(where, **parts)
+
+
+def check_eclipsed(where: Geometry) -> None:
+    """Raise `InputError` if no part of the Moon is in the penumbra."""
+    offset = float(axis_offset(where, where.moon))
+    distance, sun_distance = float(jnp.linalg.norm(where.moon)), float(jnp.linalg.norm(where.sun))
+    penumbra = (EARTH_RADIUS + MOON_RADIUS) / distance + (EARTH_RADIUS + Sun().radius) / sun_distance
+    if offset > 1.02 * penumbra:
+        eclipse = nearest_eclipse(where.utc)
+        raise InputError(
+            f"There is no eclipse at {where.utc}: the nearest is {eclipse.kind}, greatest at {eclipse.greatest}, "
+            f"in the penumbra from {eclipse.contacts['P1']} to {eclipse.contacts['P4']}."
+        )

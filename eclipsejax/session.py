@@ -1,0 +1,84 @@
+"""What the commands `eclipsejax` and `fit_atmosphere` share: set-up of JAX, options, and how they end."""
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from eclipsejax.errors import InputError
+
+
+def start() -> None:
+    """Float64, and compiled code kept on disk from one run to the next; before anything is computed.
+
+    In `$XDG_CACHE_HOME/eclipsejax/jax`, else `~/.cache/eclipsejax/jax`; nowhere, if that cannot be written.
+    """
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "eclipsejax" / "jax"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+class Arguments(argparse.ArgumentParser):
+    """A parser that says what is wrong in one sentence, and takes `-1000` and `-10.94,-37.06` for values."""
+
+    def read(self, arguments: Sequence[str] | None) -> argparse.Namespace:
+        """The options in a command's arguments; None for those of this process."""
+        # A leading space keeps a text from being taken for an option; whatever reads a number ignores it.
+        given = sys.argv[1:] if arguments is None else arguments
+        return self.parse_args([" " + text if re.match(r"-\.?\d", text) else text for text in given])
+
+    def error(self, message: str):
+        raise InputError(f"{message} (see {self.prog} --help).")
+
+
+def run(program: str, action: Callable[[], None]) -> int:
+    """Exit status of an action: 0, or 2 after one sentence on what cannot be used, 130 after Ctrl-C."""
+    try:
+        action()
+        sys.stdout.flush()
+    except InputError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough; nothing is left to flush at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def number(least: float, most: float) -> Callable[[str], float]:
+    """Type of an option: a number, or a fraction such as 1/60, between two bounds."""
+
+    def read(text: str) -> float:
+        numerator, _, denominator = text.partition("/")
+        try:
+            value = float(numerator) / float(denominator or 1.0)
+        except (ValueError, ZeroDivisionError):
+            raise argparse.ArgumentTypeError(f"{text.strip()!r} is not a number") from None
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text.strip()} is outside {least:g} to {most:g}")
+        return value
+
+    return read
+
+
+def site(text: str) -> tuple[float, ...]:
+    """Type of an option: LAT,LON or LAT,LON,HEIGHT [degrees, degrees, m], as `geometry` takes them."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in (2, 3):
+        raise argparse.ArgumentTypeError(
+            f"{text.strip()!r} is not LAT,LON[,HEIGHT], such as 42.73,-73.68 (degrees, north and east)"
+        )
+    return values

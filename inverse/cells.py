@@ -1,0 +1,76 @@
+"""A photograph cut into cells: what the likelihood compares, a few thousand numbers whatever the megapixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+CELLS_PER_RADIUS = 20
+DISC_MARGIN = 0.96  # of the radius: cells wholly inside it belong to the disc
+SKY_INNER, SKY_OUTER = 1.08, 1.5  # of the radius: sky beside the Moon, which knows glare and glow
+SKY_CELLS = 200
+LEAST_USABLE = 0.9  # of a cell's pixels
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Mean linear light of square cells.
+
+    - `right`, `up`: of the cell's centre from the disc's, in radii, along the picture's sides (cell,).
+    - `value`: mean light [full scale] (cell, 3); `sigma`: its standard deviation from pixel noise.
+    - `usable`: (cell, 3).
+    - `on_disc`: (cell,).
+    """
+
+    right: np.ndarray
+    up: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+    usable: np.ndarray
+    on_disc: np.ndarray
+
+
+def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cells:
+    """Bin a photograph in linear light, on a grid centred on the disc.
+
+    - `per_radius`: cells along a radius.
+    """
+    size = registration.radius / per_radius
+    half = int(np.ceil(SKY_OUTER * per_radius))
+    side = 2 * half
+    rows, columns = photo.pixels.shape[:2]
+    row = np.arange(rows)
+    column = np.arange(columns)
+    # Cell edges lie on the disc's centre, so that no cell straddles it unevenly.
+    row_cell = np.floor((row - registration.row) / size).astype(int) + half
+    column_cell = np.floor((column - registration.column) / size).astype(int) + half
+    kept_rows = np.flatnonzero((row_cell >= 0) & (row_cell < side))
+    kept_columns = np.flatnonzero((column_cell >= 0) & (column_cell < side))
+    window = np.ix_(kept_rows, kept_columns)
+    index = (row_cell[kept_rows, None] * side + column_cell[None, kept_columns]).ravel()
+
+    def total(image):
+        return np.stack([np.bincount(index, image[..., c].ravel(), side * side) for c in range(3)], axis=1)
+
+    usable = photo.usable[window]
+    pixels = np.where(usable, photo.pixels[window], 0.0).astype(float)
+    everything = np.bincount(index, minlength=side * side)[:, None]
+    count = total(usable)
+    safe = np.maximum(count, 1)
+    mean = total(pixels) / safe
+    scatter = np.maximum(total(pixels**2) / safe - mean**2, 0.0)
+    stated = total(np.where(usable, photo.variance[window], 0.0)) / safe
+    # JPEG blocks and demosaicking tie some four pixels to one independent one.
+    sigma = np.sqrt(np.maximum(scatter, stated) * np.minimum(4.0, safe) / safe)
+
+    cell_row, cell_column = np.divmod(np.arange(side * side), side)
+    up = -(cell_row + 0.5 - half) / per_radius
+    right = (cell_column + 0.5 - half) / per_radius
+    distance = np.hypot(right, up)
+    corner = distance + np.sqrt(0.5) / per_radius
+    on_disc = corner < DISC_MARGIN
+    sky = np.flatnonzero((distance > SKY_INNER) & (distance < SKY_OUTER) & (everything[:, 0] > 0))
+    sky = sky[:: max(1, sky.size // SKY_CELLS)]
+    good = (count >= LEAST_USABLE * everything) & (everything > 0)
+    chosen = np.concatenate([np.flatnonzero(on_disc), sky])
+    chosen = chosen[good[chosen].any(axis=1)]
+    return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], good[chosen], on_disc[chosen])

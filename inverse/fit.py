@@ -1,0 +1,151 @@
+"""From photographs on disk to the atmosphere that coloured them."""
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+
+import jax.numpy as jnp
+import numpy as np
+
+from inverse import prior
+from inverse.evidence import Evidence, gather, prepare
+from inverse.likelihood import Likelihood
+from inverse.map_estimate import Optimum, maximum
+from inverse.posterior import Chain, limb_posterior, sample
+from inverse.result import Fit
+from inverse.summary import estimates, photo_fit, provenance, warnings_of
+
+STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
+DRAWS = 400  # from Laplace's Gaussian where nothing is sampled
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What is going on, for a progress bar: `stage`, and how much of it is done."""
+
+    stage: str
+    done: int
+    total: int
+
+
+def fit_atmosphere(
+    photographs: str | PathLike | Sequence[str | PathLike],
+    *,
+    time: str | Sequence[str] | None = None,
+    site: tuple[float, float] | tuple[float, float, float] | None = None,
+    disc: int | None = None,
+    steps: int = 4000,
+    seed: int = 0,
+    progress: Callable[[Progress], None] = lambda progress: None,
+) -> Fit:
+    """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
+
+    The optimum is Levenberg-Marquardt's over the limb and every nuisance of each photograph (exposure, white balance, tone curve,
+    glare, pointing, clock), from several starts; the posterior is sampled over the limb, with the nuisances marginalised
+    about the optimum. Priors: `inverse.prior`. Errors: `inverse.noise`, inflated until the best fit is as good as it claims.
+    Raises `InputError` with one sentence where a photograph cannot be used.
+
+    - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
+    - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF says, if
+      it is certain.
+    - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
+    - `disc`: which of several discs in a picture, from 1.
+    - `steps`: of the sampler, at most; 0 for Laplace's approximation alone.
+    - `seed`: of the sampler: the same seed gives the same chain.
+    """
+    started = clock.perf_counter()
+    if isinstance(photographs, str | PathLike):
+        photographs = [photographs]
+    evidence = gather(photographs, time=time, site=site, disc=disc, progress=lambda *a: progress(Progress(*a)))
+    likelihood, smooth = prepare(evidence)
+    optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
+    limb = slice(0, len(prior.ATMOSPHERE))
+    chain = None
+    if steps:
+        chain = sample(
+            limb_posterior(likelihood, optimum, smooth),
+            optimum.z[limb],
+            optimum.covariance[limb, limb],
+            steps=steps,
+            seed=seed,
+            report=lambda done, of: progress(Progress("sampling", done, of)),
+        )
+    return conclude(evidence, likelihood, optimum, chain, inflation, seed, clock.perf_counter() - started)
+
+
+def optimise(likelihood: Likelihood, smooth, progress) -> tuple[Optimum, Likelihood, list[np.ndarray], float]:
+    """The optimum, with the errors inflated so that the data's chi-squared is what it should be.
+
+    The inflation is one factor, at least 1, on all errors of all photographs (Birge's ratio).
+    """
+    count = len(likelihood.parameters)
+    starts = np.zeros((len(STARTS), count))
+    names = [parameter.name for parameter in prior.ATMOSPHERE]
+    for start, (top, cover) in zip(starts, STARTS, strict=True):
+        start[names.index("clouds.top")], start[names.index("clouds.cover")] = top, cover
+    optimum = maximum(likelihood, starts, lambda n: progress(Progress("fitting", n, len(STARTS) + 1)))
+    residual = np.asarray(likelihood.residuals(jnp.asarray(optimum.z)))[:-count]
+    inflation = max(1.0, float(np.sqrt(np.mean(residual**2))))
+    if inflation > 1.0:
+        likelihood, smooth = likelihood.inflated(inflation), [inflation * modes for modes in smooth]
+        again = maximum(likelihood, optimum.z[None])
+        optimum = replace(again, costs=optimum.costs)
+    progress(Progress("fitting", len(STARTS) + 1, len(STARTS) + 1))
+    return optimum, likelihood, smooth, inflation
+
+
+def conclude(
+    evidence: list[Evidence],
+    likelihood: Likelihood,
+    optimum: Optimum,
+    chain: Chain | None,
+    inflation: float,
+    seed: int,
+    seconds: float,
+) -> Fit:
+    """Put everything that was found into a `Fit`."""
+    random = np.random.default_rng(seed)
+    size = len(prior.ATMOSPHERE)
+    covariance = optimum.covariance
+    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
+    laplace = optimum.z + random.standard_normal((DRAWS, len(covariance))) @ factor.T
+    draws = laplace[None, :, :size] if chain is None else np.moveaxis(chain.z, 0, 1)  # (chain, draw, parameter)
+    prior_draws = random.standard_normal((4000, size))
+    found, named, named_prior = estimates(likelihood, optimum, draws, prior_draws, chain)
+    flat = draws.reshape(-1, size)
+    sampled = flat[random.integers(len(flat), size=60)]
+    nuisances = laplace[random.integers(DRAWS, size=60), size:]
+    photos = tuple(
+        photo_fit(evidence[i], likelihood, i, optimum.z, np.concatenate([sampled, nuisances], axis=1))
+        for i in range(len(evidence))
+    )
+    diagnostics = {
+        "converged": optimum.converged,
+        "steps": optimum.steps,
+        "costs_of_starts": optimum.costs,
+        "error_inflation": inflation,
+        "condition_number": float(np.linalg.cond(covariance)),
+        "residual_rms": [photo.residual_rms for photo in photos],
+        "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],
+        "sampler": None
+        if chain is None
+        else {
+            "steps": int(chain.z.shape[0]),
+            "walkers": int(chain.z.shape[1]),
+            "converged": chain.converged,
+            "acceptance": chain.acceptance,
+            "longest_autocorrelation_time": float(np.max(chain.autocorrelation_time)),
+        },
+        "seconds": seconds,
+    }
+    return Fit(
+        estimates=found,
+        draws=named,
+        prior_draws=named_prior,
+        photos=photos,
+        diagnostics=diagnostics,
+        warnings=tuple(warnings_of(evidence, found, diagnostics)),
+        provenance=provenance(evidence, seed),
+        log_posterior=None if chain is None else chain.log_posterior.T,
+    )

@@ -1,0 +1,76 @@
+"""The most probable limb: Levenberg-Marquardt from several starts, and Laplace's covariance there."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+MAX_STEPS = 60
+TOLERANCE = 1e-5  # of z, whose prior has standard deviation 1
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The end of one or the best of several descents.
+
+    - `z`: (parameter,).
+    - `cost`: minus twice the log posterior, up to a constant.
+    - `converged`: whether the solver says so.
+    - `steps`: taken.
+    - `jacobian`: of the residuals at `z` (residual, parameter), prior rows last.
+    - `costs`: of all starts.
+    """
+
+    z: np.ndarray
+    cost: float
+    converged: bool
+    steps: int
+    jacobian: np.ndarray
+    costs: tuple[float, ...]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Laplace: (J' J)^-1 of the whitened residuals with the prior among them, by SVD."""
+        _, singular, right = np.linalg.svd(self.jacobian, full_matrices=False)
+        return (right.T / singular**2) @ right
+
+
+def _residuals(z, likelihood):
+    return likelihood.residuals(z)
+
+
+@eqx.filter_jit
+def _descend(likelihood, start):
+    solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
+    solution = optx.least_squares(
+        _residuals, solver, start, args=likelihood, max_steps=MAX_STEPS, throw=False
+    )
+    cost = jnp.sum(_residuals(solution.value, likelihood) ** 2)
+    return solution.value, cost, solution.result == optx.RESULTS.successful, solution.stats["num_steps"]
+
+
+@eqx.filter_jit
+def _jacobian(likelihood, z):
+    return jax.jacfwd(_residuals)(z, likelihood)
+
+
+def maximum(likelihood, starts, report=lambda done: None) -> Optimum:
+    """Descend from each start and keep the best.
+
+    - `starts`: vectors z (start, parameter).
+    - `report`: called with the number of starts done.
+    """
+    best, costs = None, []
+    for number, start in enumerate(starts, 1):
+        z, cost, converged, steps = _descend(likelihood, jnp.asarray(start))
+        costs.append(float(cost))
+        if np.isfinite(cost) and (best is None or cost < best[1]):
+            best = np.asarray(z), float(cost), bool(converged), int(steps)
+        report(number)
+    if best is None:
+        raise FloatingPointError("no start gave a finite posterior")
+    jacobian = np.asarray(_jacobian(likelihood, jnp.asarray(best[0])))
+    return Optimum(*best, jacobian, tuple(costs))

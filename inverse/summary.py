@@ -1,0 +1,188 @@
+"""Turning the optimum and the draws into what a `Fit` says."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclipsejax.scene import axis_offset
+from inverse import prior
+from inverse.likelihood import Disc, Likelihood, PhotoModel, wings_at
+from inverse.map_estimate import Optimum
+from inverse.result import Estimate, PhotoFit
+
+LEVELS = (0.16, 0.84), (0.025, 0.975)
+DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
+PICTURE = 240  # pixels along a side of the pictures in a report
+NOT_INFORMED = 0.5  # share of the prior's variance taken away, below which a quantity is the prior's
+DISTRUSTED_INFLATION = 3.0
+
+
+def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chain):
+    """Every quantity by name, and the draws of the limb's by name, posterior and prior.
+
+    - `draws`: z of the limb (chain, draw, parameter); `prior_draws`: (draw, parameter).
+    """
+    found, named, named_prior = {}, {}, {}
+    sd_z = np.sqrt(np.diag(optimum.covariance))
+    limb = len(prior.ATMOSPHERE)
+    ess = [None] * limb if chain is None else chain.effective_samples
+    tau = [None] * limb if chain is None else chain.autocorrelation_time
+
+    def add(name, unit, function, z_map, sd, samples, before, index):
+        values, priors = np.asarray(function(samples)), np.asarray(function(before))
+        informed = max(0.0, 1.0 - float(np.var(samples[..., index]) / np.var(before[..., index])))
+        quantiles = [tuple(float(q) for q in np.quantile(values, level)) for level in LEVELS]
+        found[name] = Estimate(
+            name, unit, float(function(z_map[None])[0]), float(sd), float(np.median(values)), *quantiles,
+            tuple(float(q) for q in np.quantile(priors, LEVELS[1])), informed,
+            None if ess[index] is None else float(ess[index]),
+            None if tau[index] is None else float(tau[index]),
+        )  # fmt: skip
+        named[name], named_prior[name] = values, priors
+
+    z_limb = optimum.z[:limb]
+    for index, parameter in enumerate(prior.ATMOSPHERE):
+        one = lambda z, parameter=parameter, index=index: np.asarray(parameter.value(z[..., index]))
+        slope = abs(float(parameter.slope(z_limb[index])))
+        add(parameter.name, parameter.unit, one, z_limb, slope * sd_z[index], draws, prior_draws, index)
+
+    derived = {
+        "stratospheric_optical_depth": ("-", lambda air: air.dust.optical_depth, 0),
+        "air.density_18km": ("kg/m3", lambda air: air.air.density(jnp.asarray(DENSITY_HEIGHT)), 1),
+    }
+    for name, (unit, quantity, index) in derived.items():
+        every = jax.jit(jax.vmap(lambda z, quantity=quantity: quantity(prior.atmosphere(z))))
+        function = lambda z, every=every: np.asarray(every(z.reshape(-1, limb))).reshape(z.shape[:-1])
+        gradient = jax.grad(lambda z, quantity=quantity: quantity(prior.atmosphere(z)))(jnp.asarray(z_limb))
+        covariance = optimum.covariance[:limb, :limb]
+        add(name, unit, function, z_limb, np.sqrt(gradient @ covariance @ gradient), draws, prior_draws, index)
+
+    start = limb
+    for number, model in enumerate(likelihood.models, 1):
+        for offset, parameter in enumerate(model.parameters):
+            index = start + offset
+            z, sd = float(optimum.z[index]), float(sd_z[index])
+            ends = [tuple(float(parameter.value(z + k * sd)) for k in (-n, n)) for n in (1.0, 1.96)]
+            value, name = float(parameter.value(z)), f"{number}.{parameter.name}"
+            found[name] = Estimate(
+                name, parameter.unit, value, abs(float(parameter.slope(z))) * sd, value, *ends,
+                tuple(float(parameter.value(k)) for k in (-1.96, 1.96)), max(0.0, 1.0 - sd**2),
+            )  # fmt: skip
+        start += len(model.parameters)
+    return found, named, named_prior
+
+
+def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
+    """One photograph beside its model, at the optimum `z` and for some draws of all parameters (draw, parameter)."""
+    model = likelihood.models[number]
+
+    @eqx.filter_jit
+    def signal(model, z):
+        limb, *nuisances = likelihood.split(z)
+        return model.signal(likelihood.shadow(prior.atmosphere(limb)), nuisances[number])
+
+    predicted = np.asarray(signal(model, jnp.asarray(z)))
+    drawn = np.stack([np.asarray(signal(model, jnp.asarray(one))) for one in draws])
+    band = np.quantile(drawn, (0.16, 0.84), axis=0)
+    nuisance = prior.values(model.parameters, likelihood.split(jnp.asarray(z))[1 + number])
+    if not isinstance(model, PhotoModel):
+        profile = item.photo
+        everywhere = np.ones(len(profile.value), dtype=bool)
+        return PhotoFit(
+            item.name, item.where.utc, None, np.asarray(profile.offset), everywhere, np.isfinite(profile.value),
+            np.asarray(profile.value), predicted, np.asarray(profile.surface), band,
+        )  # fmt: skip
+
+    later, points = model.cells.points(model.geometry, model.roll, model.mirror, nuisance)
+    cells, reach = item.cells, 1.3
+    line = np.linspace(-reach, reach, PICTURE)
+    right, up = np.meshgrid(line, -line)
+    right, up = right.ravel(), up.ravel()
+    dense = eqx.tree_at(
+        lambda model: (model.cells, model.wings, model.on_disc),
+        model,
+        (
+            Disc(jnp.asarray(right), jnp.asarray(up)),
+            jnp.asarray(wings_at(right, up, np.asarray(model.glare_points.right), np.asarray(model.glare_points.up))),
+            jnp.asarray(np.hypot(right, up) < 1.0, dtype=float),
+        ),
+    )
+    picture = np.asarray(signal(dense, jnp.asarray(z))).reshape(PICTURE, PICTURE, 3)
+    return PhotoFit(
+        name=item.name,
+        utc=later.utc,
+        registration=item.registration,
+        offset=np.asarray(axis_offset(later, points.position)),
+        on_disc=cells.on_disc,
+        usable=cells.usable,
+        observed=cells.value,
+        predicted=predicted,
+        albedo=np.asarray(model.surface(points, nuisance)),
+        band68=band,
+        image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),
+        model_image=picture,
+        reach=reach,
+    )
+
+
+def _photograph(photo, registration, right, up):
+    """Mean pixels around points given in radii from the disc's centre; NaN outside the frame."""
+    row = registration.row - up * registration.radius
+    column = registration.column + right * registration.radius
+    spread = max(1, round(2.6 * registration.radius / PICTURE))
+    steps = np.arange(spread) - (spread - 1) / 2
+    rows, columns = photo.pixels.shape[:2]
+    total = np.zeros((row.size, 3))
+    inside = (row >= 0) & (row < rows - 1) & (column >= 0) & (column < columns - 1)
+    for down in steps:
+        for across in steps:
+            r = np.clip(np.rint(row + down).astype(int), 0, rows - 1)
+            c = np.clip(np.rint(column + across).astype(int), 0, columns - 1)
+            total += photo.pixels[r, c]
+    return np.where(inside[:, None], total / spread**2, np.nan)
+
+
+def warnings_of(evidence, found, diagnostics) -> list[str]:
+    """What a reader must know before believing the numbers."""
+    sentences = [remark for item in evidence for remark in item.remarks]
+    if not diagnostics["converged"]:
+        sentences.append("The optimiser did not converge: the numbers are those of its last step.")
+    if diagnostics["error_inflation"] > DISTRUSTED_INFLATION:
+        sentences.append(
+            f"The best model misses the photograph by {diagnostics['error_inflation']:.1f} times the errors assumed: it does not "
+            "explain it, and the intervals were widened by as much."
+        )
+    sampler = diagnostics["sampler"]
+    if sampler is not None and not sampler["converged"]:
+        sentences.append(
+            f"The sampler was stopped after {sampler['steps']} steps, fewer than 50 autocorrelation times "
+            f"({sampler['longest_autocorrelation_time']:.0f}): intervals are good to some 10 %."
+        )
+    dull = [
+        name for name, estimate in found.items()
+        if not name[0].isdigit() and estimate.informed < NOT_INFORMED and name != "stratospheric_optical_depth"
+    ]  # fmt: skip
+    if dull:
+        sentences.append(f"Prior-dominated, the photograph says less than the prior: {', '.join(dull)}.")
+    depth = found["stratospheric_optical_depth"]
+    if depth.ci95[0] < 1.5 * depth.prior_ci95[0]:
+        sentences.append(
+            f"The dust is an upper limit: optical depth below {depth.ci95[1]:.2g} (97.5 %); its lower end is the prior's."
+        )
+    return sentences
+
+
+def provenance(evidence, seed: int) -> dict:
+    """What it takes to do it again."""
+    return {
+        "eclipsejax": version("eclipsejax"),
+        "jax": version("jax"),
+        "seed": seed,
+        "photographs": [
+            {"name": Path(item.photo.path).name, "sha256": item.photo.sha256, "utc": item.where.utc} for item in evidence
+        ],
+    }

@@ -32,7 +32,7 @@ class Air(eqx.Module):
     With the default surface this is the U.S. Standard Atmosphere 1976 to 86 km and isothermal above. Another surface
     temperature keeps the tropospheric lapse rate of 6.5 K/km and moves the tropopause to where the temperature
     meets 216.65 K; the temperatures from 20 km up stay. So a warmer surface lifts all the air above it: +20 K
-    raises the density at 25 km by a quarter. Pressure scales the density everywhere alike.
+    raises the density from 15 km up by 14 %. Pressure scales the density everywhere alike.
 
     - `surface_temperature`: [K], 217 to 345.
     - `surface_pressure`: [Pa].
@@ -105,6 +105,11 @@ class Air(eqx.Module):
     def breaks(self) -> Float[Array, " breaks"]:
         """Altitudes of the layer bases above the ground [m], and 5 km, which halves the widest layer of dense air."""
         return jnp.concatenate([geometric(self._layers()[0][1:]), jnp.asarray([5e3], dtype=float)])
+
+    @property
+    def dense_breaks(self) -> Float[Array, " breaks"]:
+        """Those of `breaks` up to 32 km [m]."""
+        return jnp.concatenate([geometric(self._layers()[0][1:4]), jnp.asarray([5e3], dtype=float)])
 
 
 def _accumulate(steps):

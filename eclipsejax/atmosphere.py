@@ -157,23 +157,23 @@ class Atmosphere(eqx.Module):
         return tuple(part for part in parts if part is not None)
 
     @property
-    def profile_breaks(self) -> Float[Array, " breaks"]:
-        """Altitudes where a profile is not smooth, from the ground to the top, ascending [m]."""
-        return _ascending(*self._profile_edges())
+    def dense_breaks(self) -> Float[Array, " breaks"]:
+        """Of `breaks` those that matter to 1e-3 of the light: no clouds, and above 32 km, where the air bends by less than
+        1', nothing but 50 km [m]."""
+        edges = [self.air.dense_breaks, jnp.asarray([50e3])]
+        if self.dust is not None:
+            edges.append(jnp.stack([self.dust.base, self.dust.top]))
+        return _ascending(*edges)
 
     @property
     def breaks(self) -> Float[Array, " breaks"]:
-        """`profile_breaks`, and where the transmission of the clouds changes fast, ascending [m]."""
-        edges = self._profile_edges()
-        if self.clouds is not None:
-            edges.append(self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0]))
-        return _ascending(*edges)
-
-    def _profile_edges(self) -> list:
+        """Altitudes where a profile is not smooth, or the clouds' transmission changes fast, ascending [m]."""
         edges = [self.air.breaks]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))
-        return edges
+        if self.clouds is not None:
+            edges.append(self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0]))
+        return _ascending(*edges)
 
     def dispersion(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Refractivity of air at 15 C and 1013.25 hPa [-]."""
@@ -208,11 +208,16 @@ def _ascending(*edges):
     return jnp.sort(jnp.concatenate([inside, jnp.asarray([0.0, ATMOSPHERE_TOP])]))
 
 
-def refractivity(atmosphere, altitude, wavelength):
+def refractivity(atmosphere, altitude, wavelength) -> Float[Array, "..."]:
     """Refractive index of the air minus one [-]; altitude [m] and wavelength [nm] broadcast."""
-    return jnp.vectorize(atmosphere.refractivity)(jnp.asarray(altitude, float), jnp.asarray(wavelength, float))
+    return _broadcast(atmosphere.refractivity, jnp.asarray(altitude, float), jnp.asarray(wavelength, float))
 
 
-def extinction(atmosphere, altitude, wavelength):
+def extinction(atmosphere, altitude, wavelength) -> Float[Array, "..."]:
     """Extinction by all constituents [1/m]; altitude [m] and wavelength [nm] broadcast. Clouds are not in it."""
-    return jnp.vectorize(atmosphere.extinction)(jnp.asarray(altitude, float), jnp.asarray(wavelength, float))
+    return _broadcast(atmosphere.extinction, jnp.asarray(altitude, float), jnp.asarray(wavelength, float))
+
+
+@eqx.filter_jit
+def _broadcast(quantity, altitude, wavelength):
+    return jnp.vectorize(quantity)(altitude, wavelength)

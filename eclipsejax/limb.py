@@ -10,11 +10,13 @@ the tangent point lies below a break (with s = sqrt(z - z_t) instead, a ray a ce
 Heights are measured from the tangent point, never as differences of radii.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from eclipsejax.atmosphere import refractivity
 from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.traced import safe_sqrt
 
@@ -108,16 +110,13 @@ def medium(atmosphere, wavelength):
     return lambda z: (atmosphere.refractivity(z, wavelength), atmosphere.extinction(z, wavelength)[None])
 
 
-def impact_parameter(atmosphere, tangent_height, wavelength):
+def impact_parameter(atmosphere, tangent_height, wavelength) -> Float[Array, "..."]:
     """Bouguer's invariant of a ray, n(r_t) r_t [m].
 
     Tangent height [m] and wavelength [nm] broadcast.
     """
-
-    def one(tangent_height, wavelength):
-        return (1.0 + atmosphere.refractivity(tangent_height, wavelength)) * (EARTH_RADIUS + tangent_height)
-
-    return _broadcast(one)(tangent_height, wavelength)
+    tangent_height = jnp.asarray(tangent_height, dtype=float)
+    return (1.0 + refractivity(atmosphere, tangent_height, wavelength)) * (EARTH_RADIUS + tangent_height)
 
 
 def bending_angle(atmosphere, tangent_height, wavelength, *, order: int = DEFAULT_ORDER) -> Float[Array, "..."]:
@@ -127,12 +126,7 @@ def bending_angle(atmosphere, tangent_height, wavelength, *, order: int = DEFAUL
 
     - `order`: Gauss-Legendre nodes between two breaks of the profile.
     """
-
-    def one(tangent_height, wavelength):
-        profile = medium(atmosphere, wavelength)
-        return grazing_ray(profile, atmosphere.breaks, tangent_height, order=order)[0]
-
-    return _broadcast(one)(tangent_height, wavelength)
+    return _grazing(atmosphere, *_real(tangent_height, wavelength), order)[0]
 
 
 def optical_depth(atmosphere, tangent_height, wavelength, *, order: int = DEFAULT_ORDER) -> Float[Array, "..."]:
@@ -142,14 +136,20 @@ def optical_depth(atmosphere, tangent_height, wavelength, *, order: int = DEFAUL
 
     - `order`: Gauss-Legendre nodes between two breaks of the profile.
     """
+    return _grazing(atmosphere, *_real(tangent_height, wavelength), order)[1]
+
+
+def _real(*arguments):
+    return [jnp.asarray(argument, dtype=float) for argument in arguments]
+
+
+@eqx.filter_jit
+def _grazing(atmosphere, tangent_height, wavelength, order):
+    """Bending angle and optical depth."""
 
     def one(tangent_height, wavelength):
         profile = medium(atmosphere, wavelength)
-        return grazing_ray(profile, atmosphere.breaks, tangent_height, order=order)[1][0]
+        bending, columns = grazing_ray(profile, atmosphere.breaks, tangent_height, order=order)
+        return bending, columns[0]
 
-    return _broadcast(one)(tangent_height, wavelength)
-
-
-def _broadcast(one):
-    vectorised = jnp.vectorize(one)
-    return lambda *arguments: vectorised(*(jnp.asarray(argument, dtype=float) for argument in arguments))
+    return jnp.vectorize(one)(tangent_height, wavelength)

@@ -61,48 +61,50 @@ class LimbTable(eqx.Module):
             values.append(basis @ coefficients + reach * height * polynomial)
         return values
 
-    def pieces(self, distance, sun_distance, edges, hooks: bool):
+    def pieces(self, distance, sun_distance, edges):
         """Start and stop, in u, of the stretches on which psi lies between neighbouring `edges` (ascending).
 
-        psi falls with u, but for a hook just below some breaks, where it first rises; with `hooks` the rising stretch
-        is cut as well. Found without derivative: where the nodes lie does not change the integral,
-        and at the edges the integrand is zero or continuous.
+        psi falls with u, but for a hook just below some breaks, where it first rises, by up to 0.3' (left uncut, that
+        stretch would cost 5 % of the light where an edge crosses it). Found without derivative: where the nodes lie does
+        not change the integral, and at the edges the integrand is zero or continuous.
         """
         frozen, distance, sun_distance, edges = jax.lax.stop_gradient((self, distance, sun_distance, edges))
 
         def psi(u, derivatives=0):
             return frozen.sky_angle(u, distance, sun_distance, derivatives)
 
-        grid = jnp.linspace(0.0, 1.0, 2 * self.lift.shape[-1])
-        summit = grid[jnp.argmax(psi(grid)[0])]
+        grid = np.linspace(0.0, 1.0, 2 * self.lift.shape[-1])
+        summit = jnp.asarray(grid)[jnp.argmax(psi(jnp.asarray(grid))[0])]
 
         def climb(_, u):
             _, slope, curvature = psi(u, 2)
             return jnp.clip(u - slope / jnp.where(curvature != 0.0, curvature, jnp.inf), 0.0, 1.0)
 
-        if hooks:
-            summit = jnp.where(summit > 0.0, jax.lax.fori_loop(0, 4, climb, summit), summit)
+        summit = jnp.where(summit > 0.0, jax.lax.fori_loop(0, 4, climb, summit), summit)
 
         def cuts(start, stop):
             """Where a monotone stretch passes each edge, clipped to its ends, in the order of the edges."""
             x = start + (stop - start) * grid
             along = psi(x)[0]
-            direction = jnp.where(along[-1] < along[0], -1.0, 1.0)
+            rising = along[-1] >= along[0]
+            below = jnp.sum((along < edges[:, None]) == rising, axis=1)
+            left = jnp.clip(below - 1, 0, grid.size - 2)
+            rise = along[left + 1] - along[left]
+            guess = x[left] + (x[left + 1] - x[left]) * (edges - along[left]) / jnp.where(rise != 0.0, rise, jnp.inf)
 
             def newton(_, u):
                 value, slope = psi(u, 1)
                 return jnp.clip(u - (value - edges) / jnp.where(slope != 0.0, slope, jnp.inf), start, stop)
 
-            roots = jax.lax.fori_loop(0, 3, newton, jnp.interp(direction * edges, direction * along, x))
+            roots = jax.lax.fori_loop(0, 3, newton, jnp.clip(guess, start, stop))
+            lowest, highest = jnp.where(rising, start, stop), jnp.where(rising, stop, start)
             low, high = jnp.minimum(along[0], along[-1]), jnp.maximum(along[0], along[-1])
-            lowest, highest = jnp.where(direction < 0, stop, start), jnp.where(direction < 0, start, stop)
             return jnp.where(edges <= low, lowest, jnp.where(edges >= high, highest, roots))
 
-        falling = cuts(summit, jnp.ones_like(summit))[::-1]
-        start, stop = falling[:-1], falling[1:]
-        if hooks:
-            rising = cuts(jnp.zeros_like(summit), summit)
-            start, stop = jnp.concatenate([start, rising[:-1]]), jnp.concatenate([stop, rising[1:]])
+        # The stretch that rises, from 0 to the summit, and the one that falls, on to 1.
+        rising, falling = jax.vmap(cuts)(jnp.stack([jnp.zeros_like(summit), summit]), jnp.stack([summit, jnp.ones_like(summit)]))
+        start = jnp.concatenate([rising[:-1], falling[1:]])
+        stop = jnp.concatenate([rising[1:], falling[:-1]])
         return jax.lax.stop_gradient((start, jnp.maximum(start, stop)))
 
 

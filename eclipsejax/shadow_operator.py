@@ -36,8 +36,8 @@ class RayCounts(NamedTuple):
 
     ray: int = 5
     table: int = 7
-    dispersion: int = 3
-    stretches: tuple[int, ...] = (48, 48, 24, 16, 12, 12, 8)  # a panel, from the ground up; the last for all above
+    dispersion: int = 2
+    stretches: tuple[int, ...] = (48, 48, 24, 16, 12, 12, 12, 24)  # a panel, from the ground up; the last for all above
 
 
 class ShadowOperator(eqx.Module):
@@ -61,7 +61,7 @@ class ShadowOperator(eqx.Module):
 
     def __call__(self, atmosphere) -> Float[Array, "offset wavelength"]:
         """Fraction of unobstructed sunlight, as by `shadow.shadow_irradiance`."""
-        breaks = getattr(atmosphere, "profile_breaks", atmosphere.breaks)
+        breaks = getattr(atmosphere, "dense_breaks", atmosphere.breaks)
         table, coefficients = limb_table(atmosphere, self.wavelength, self.counts, breaks=breaks)
         panel, u, lower, upper = _stretches(self.counts.stretches, breaks.size - 1)
 

@@ -28,7 +28,8 @@ def rayleigh_cross_section(wavelength: Float[Array, ""]) -> Float[Array, ""]:
     """
     um2 = (wavelength * 1e-3) ** 2
     index_300ppm = 1e-8 * (8060.51 + 2480990.0 / (132.274 - 1.0 / um2) + 17455.7 / (39.32957 - 1.0 / um2))
-    n = 1.0 + index_300ppm * (1.0 + 0.54 * (360e-6 - 300e-6))
+    refractivity = index_300ppm * (1.0 + 0.54 * (360e-6 - 300e-6))
+    n_squared_less_one = refractivity * (2.0 + refractivity)  # without the cancellation, for float32
     king_nitrogen = 1.034 + 3.17e-4 / um2
     king_oxygen = 1.096 + 1.385e-3 / um2 + 1.448e-4 / um2**2
     carbon_dioxide = 0.036  # per cent by volume
@@ -36,7 +37,7 @@ def rayleigh_cross_section(wavelength: Float[Array, ""]) -> Float[Array, ""]:
         78.084 + 20.946 + 0.934 + carbon_dioxide
     )
     # In the units of micrometres and 1e25 m^-3, so that float32 neither overflows nor underflows on the way.
-    polarisability = (n**2 - 1.0) / ((n**2 + 2.0) * STANDARD_NUMBER_DENSITY * 1e-25)
+    polarisability = n_squared_less_one / ((3.0 + n_squared_less_one) * STANDARD_NUMBER_DENSITY * 1e-25)
     return 24.0 * jnp.pi**3 * polarisability**2 / um2**2 * king * 1e-26
 
 

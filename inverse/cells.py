@@ -1,4 +1,7 @@
-"""A photograph cut into cells: what the likelihood compares, a few thousand numbers whatever the megapixels."""
+"""A photograph cut into cells: what the likelihood compares, a few thousand numbers whatever the megapixels.
+
+Every photograph gives the same cells, the useless ones masked: one compilation serves them all.
+"""
 
 from dataclasses import dataclass
 
@@ -68,9 +71,16 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     distance = np.hypot(right, up)
     corner = distance + np.sqrt(0.5) / per_radius
     on_disc = corner < DISC_MARGIN
-    sky = np.flatnonzero((distance > SKY_INNER) & (distance < SKY_OUTER) & (everything[:, 0] > 0))
-    sky = sky[:: max(1, sky.size // SKY_CELLS)]
     good = (count >= LEAST_USABLE * everything) & (everything > 0)
+    ring = np.flatnonzero((distance > SKY_INNER) & (distance < SKY_OUTER))
+    seen = ring[everything[ring, 0] > 0]
+    sky = np.resize(seen if seen.size else ring, SKY_CELLS) if seen.size < SKY_CELLS else _spread(seen, SKY_CELLS)
     chosen = np.concatenate([np.flatnonzero(on_disc), sky])
-    chosen = chosen[good[chosen].any(axis=1)]
-    return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], good[chosen], on_disc[chosen])
+    usable = good[chosen]
+    usable[on_disc.sum() + seen.size :] = False  # repeated only to fill the array
+    return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], usable, on_disc[chosen])
+
+
+def _spread(indices: np.ndarray, count: int) -> np.ndarray:
+    """`count` of the indices, evenly."""
+    return indices[np.linspace(0, indices.size - 1, count).astype(int)]

@@ -79,6 +79,14 @@ def residual(image: np.ndarray, model: np.ndarray, reach: float) -> np.ndarray:
     return np.repeat(np.repeat(ratio, size, axis=0), size, axis=1)[:side, :side]
 
 
+def compass(roll: float, mirror: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Unit vectors (right, up) of a picture towards celestial north and east; `roll`, `mirror` as of a `Camera`."""
+    sine, cosine = float(np.sin(roll)), float(np.cos(roll))
+    # Seen from inside the sphere with north up, east is on the left.
+    across = 1.0 if mirror else -1.0
+    return (-across * sine, cosine), (across * cosine, sine)
+
+
 def _to_look_at(image: np.ndarray, gain: float) -> np.ndarray:
     """sRGB (row, column, 3), grey outside the frame."""
     picture = display(image, gain).copy()
@@ -90,9 +98,6 @@ def _compass(panel, registration, colour: str) -> None:
     """Ticks at the limb towards celestial north and east."""
     if registration is None:
         return
-    sine, cosine = np.sin(registration.roll), np.cos(registration.roll)
-    # As `camera.pixel_at`: seen from inside the sphere with north up, east is on the left.
-    across = 1.0 if registration.mirror else -1.0
-    for letter, right, up in (("N", -across * sine, cosine), ("E", across * cosine, sine)):
+    for letter, (right, up) in zip("NE", compass(registration.roll, registration.mirror), strict=True):
         panel.plot([1.02 * right, 1.1 * right], [1.02 * up, 1.1 * up], color=colour, linewidth=1.2)
         panel.text(1.19 * right, 1.19 * up, letter, color=colour, fontsize=11, ha="center", va="center")

@@ -10,7 +10,6 @@ import numpy as np
 from inverse.result import Estimate, Fit
 
 QUANTITIES = 8  # more cannot be read
-BINS = 24
 POSTERIOR, PRIOR, TRUTH = "#0072b2", "#e69f00", "#000000"  # Okabe & Ito's palette
 
 
@@ -59,9 +58,12 @@ def corner_plot(fit: Fit, truths: Mapping[str, float], figure) -> None:
     marks = [w.scaled(truths[name]) if name in truths else None for w, name in zip(words, names, strict=True)]
     ends = [_ends(column, mark) for column, mark in zip(values.T, marks, strict=True)]
     count = len(names)
-    figure.set_size_inches(2.0 + 1.45 * count, 2.0 + 1.45 * count)
+    bins = 24 if len(values) > 2000 else 14  # of few draws the noise would show
+    wide, head = 2.0 + 1.45 * count, 0.6 if count > 4 else 2.0  # the key needs a corner of its own beside few panels
+    tall = wide - 0.6 + head
+    figure.set_size_inches(wide, tall)
     corner(
-        values, fig=figure, bins=BINS, range=ends, labels=[w.label for w in words], color=POSTERIOR, truths=marks,
+        values, fig=figure, bins=bins, range=ends, labels=[w.label for w in words], color=POSTERIOR, truths=marks,
         truth_color=TRUTH, levels=(0.68, 0.95), smooth=1.0, plot_datapoints=False, plot_density=False,
         fill_contours=True, max_n_ticks=4, hist_kwargs={"density": True, "linewidth": 1.4},
         label_kwargs={"fontsize": 10}, labelpad=0.1,
@@ -69,13 +71,18 @@ def corner_plot(fit: Fit, truths: Mapping[str, float], figure) -> None:
     panels = np.array(figure.axes[: count**2]).reshape(count, count)
     for panel, name, w, (low, high) in zip(np.diagonal(panels), names, words, ends, strict=True):
         before = w.scaled(fit.prior_draws[name].ravel())
-        weight = np.full(before.size, BINS / (high - low) / before.size)  # a density, of which the panel shows a part
+        weight = np.full(before.size, bins / (high - low) / before.size)  # a density, of which the panel shows a part
         style = {"histtype": "step", "color": PRIOR, "linewidth": 1.4}
-        tall, *_ = panel.hist(before, np.linspace(low, high, BINS + 1), weights=weight, **style)
-        panel.set_ylim(0, max(panel.get_ylim()[1], 1.1 * tall.max()))
+        density, *_ = panel.hist(before, np.linspace(low, high, bins + 1), weights=weight, **style)
+        panel.set_ylim(0, max(panel.get_ylim()[1], 1.1 * density.max()))
         panel.set_title(_interval(fit, name, w), fontsize=9, pad=4)
-    for panel in panels.ravel():
-        panel.tick_params(labelsize=8)
+    # Room for labels and titles, as corner leaves it, is for panels of two inches.
+    figure.subplots_adjust(left=1.05 / wide, bottom=1.05 / tall, right=1 - 0.2 / wide, top=1 - head / tall)
+    for row, column in zip(*np.tril_indices(count), strict=True):
+        panels[row, column].tick_params(labelsize=8)
+        panels[row, column].xaxis.set_major_locator(_ticks(*ends[column]))
+        if row > column:
+            panels[row, column].yaxis.set_major_locator(_ticks(*ends[row]))
     _key(figure, fit, left_out, any(mark is not None for mark in marks))
 
 
@@ -103,13 +110,21 @@ def _ends(column: np.ndarray, mark: float | None) -> tuple[float, float]:
     return float(low - 0.06 * (high - low)), float(high + 0.06 * (high - low))
 
 
+def _ticks(low: float, high: float):
+    """Some three ticks away from the corners, where the next panel has its own."""
+    from matplotlib.ticker import FixedLocator, MaxNLocator
+
+    places = np.asarray(MaxNLocator(4).tick_values(low, high))
+    edge = 0.08 * (high - low)
+    return FixedLocator(places[(places > low + edge) & (places < high - edge)].tolist())
+
+
 def _key(figure, fit: Fit, left_out: list[str], truths: bool) -> None:
     """Heading and key in the empty corner at the top right."""
     from matplotlib.lines import Line2D
 
-    wide = figure.get_figwidth()
-    size = min(9.0 + 0.6 * wide, 18.0)
-    line = size / 72 / wide
+    size = min(7.0 + figure.get_figwidth(), 18.0)
+    line = size / 72 / figure.get_figheight()
     sampled = "sampled" if fit.log_posterior is not None else "Laplace's approximation only, nothing was sampled"
     notes = [sampled[0].upper() + sampled[1:] + "."]
     if left_out:
@@ -122,7 +137,7 @@ def _key(figure, fit: Fit, left_out: list[str], truths: bool) -> None:
         Line2D([], [], color=PRIOR, label="prior"),
         *([Line2D([], [], color=TRUTH, label="truth")] if truths else []),
     ]
-    place = (1.0, 0.985 - (1.9 + 0.8 * len(notes)) * line)
+    place = (0.992, 0.985 - (1.9 + 0.8 * len(notes)) * line)
     figure.legend(handles=keys, loc="upper right", bbox_to_anchor=place, fontsize=0.65 * size, frameon=False)
 
 

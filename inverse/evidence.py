@@ -127,10 +127,11 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
 
 def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]:
     """The likelihood of all photographs, and the low-rank part of each one's covariance."""
-    models, data, chosen, whiteners, smooth = [], [], [], [], []
+    models, data, mask, whiteners, smooth = [], [], [], [], []
     for item in evidence:
         if item.cells is None:
-            value, sigma, usable = item.photo.value, item.photo.sigma, np.isfinite(item.photo.value)
+            usable = np.isfinite(item.photo.value)
+            value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             on_disc = np.ones(len(value), dtype=bool)
             position = np.degrees(item.photo.offset)[:, None] * 60.0 / 17.0  # noise.LENGTH is in radii of 15-17'
         else:
@@ -147,16 +148,16 @@ def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]
         )
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)[:, None]
-        index = np.flatnonzero(usable)
-        spread = np.sqrt(relative**2 + (sigma / scale) ** 2).ravel()[index]
-        modes = noise.smooth_errors(noise.smooth_modes(position[on_disc]), on_disc)[index]
+        counted = usable.astype(float)
+        spread = np.sqrt(relative**2 + (sigma / scale) ** 2)
+        modes = noise.smooth_errors(noise.smooth_modes(position[on_disc]), on_disc)
         # Where the floor rules, a relative error of the light is that much smaller in the log.
-        modes = modes * (np.maximum(value, 0.0) / scale).ravel()[index, None]
+        modes = modes * (counted * np.maximum(value, 0.0) / scale).ravel()[:, None]
         models.append(model)
-        data.append(jnp.asarray(np.log(scale).ravel()[index]))
-        chosen.append(jnp.asarray(index))
+        data.append(jnp.asarray(np.log(scale).ravel()))
+        mask.append(jnp.asarray(counted.ravel()))
         smooth.append(modes)
-        whiteners.append(noise.whitener(spread, modes))
+        whiteners.append(noise.whitener(spread.ravel(), modes))
     shadow = shadow_of([item.where for item in evidence])
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(chosen), tuple(whiteners))
+    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(whiteners))
     return likelihood.with_gains(), smooth

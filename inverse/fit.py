@@ -5,14 +5,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 
-import jax.numpy as jnp
 import numpy as np
 
 from inverse import prior
 from inverse.evidence import Evidence, gather, prepare
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, maximum
-from inverse.posterior import Chain, limb_posterior, sample
+from inverse.posterior import WALKERS, Chain, limb_posterior, sample
 from inverse.result import Fit
 from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
@@ -35,7 +34,7 @@ def fit_atmosphere(
     time: str | Sequence[str] | None = None,
     site: tuple[float, float] | tuple[float, float, float] | None = None,
     disc: int | None = None,
-    steps: int = 4000,
+    draws: int = 64_000,
     seed: int = 0,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Fit:
@@ -51,7 +50,7 @@ def fit_atmosphere(
       it is certain.
     - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
     - `disc`: which of several discs in a picture, from 1.
-    - `steps`: of the sampler, at most; 0 for Laplace's approximation alone.
+    - `draws`: from the posterior, at most; 0 for Laplace's approximation alone.
     - `seed`: of the sampler: the same seed gives the same chain.
     """
     started = clock.perf_counter()
@@ -62,12 +61,12 @@ def fit_atmosphere(
     optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
     limb = slice(0, len(prior.ATMOSPHERE))
     chain = None
-    if steps:
+    if draws:
         chain = sample(
             limb_posterior(likelihood, optimum, smooth),
             optimum.z[limb],
             optimum.covariance[limb, limb],
-            steps=steps,
+            steps=-(-draws // WALKERS),
             seed=seed,
             report=lambda done, of: progress(Progress("sampling", done, of)),
         )
@@ -85,8 +84,8 @@ def optimise(likelihood: Likelihood, smooth, progress) -> tuple[Optimum, Likelih
     for start, (top, cover) in zip(starts, STARTS, strict=True):
         start[names.index("clouds.top")], start[names.index("clouds.cover")] = top, cover
     optimum = maximum(likelihood, starts, lambda n: progress(Progress("fitting", n, len(STARTS) + 1)))
-    residual = np.asarray(likelihood.residuals(jnp.asarray(optimum.z)))[:-count]
-    inflation = max(1.0, float(np.sqrt(np.mean(residual**2))))
+    squares = optimum.cost - float(np.sum(optimum.z**2))
+    inflation = max(1.0, float(np.sqrt(squares / sum(float(usable.sum()) for usable in likelihood.usable))))
     if inflation > 1.0:
         likelihood, smooth = likelihood.inflated(inflation), [inflation * modes for modes in smooth]
         again = maximum(likelihood, optimum.z[None])

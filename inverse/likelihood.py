@@ -1,6 +1,7 @@
 """What the cells of a photograph should hold, and how badly they miss it."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -115,16 +116,32 @@ def developed(light, nuisance, gain, primaries, encoding: str):
 
 
 class Shadow(eqx.Module):
-    """The table of the shadow as a function of the atmosphere."""
+    """The table of the shadow as a function of the parameters z of the limb."""
 
     operator: ShadowOperator
     grid: TableGrid
     weights: Float[Array, "wavelength 3"]
 
-    def __call__(self, atmosphere) -> ShadowTable:
-        light = self.operator(atmosphere) @ self.weights
+    def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
+        light = channel_light(limb, self)
         # One distance: the table's variable, offset from the umbra's edge, carries the Moon's depth to 0.5 %.
         return self.grid.filled(jnp.repeat(light[:, None], 2, axis=1))
+
+
+@eqx.filter_custom_jvp
+def channel_light(limb, shadow: Shadow) -> Float[Array, "offset 3"]:
+    """Light in the camera's channels at the table's offsets, for parameters z of the limb."""
+    return shadow.operator(prior.atmosphere(limb)) @ shadow.weights
+
+
+@channel_light.def_jvp
+def _channel_light_jvp(primals, tangents):
+    """All derivatives by the few parameters of the limb at once, so that the Jacobian by many nuisances, whose tangents are zero
+    here, costs no more."""
+    (limb, shadow), (limb_dot, _) = primals, tangents
+    light = channel_light(limb, shadow)
+    slopes = jax.jacfwd(lambda limb: shadow.operator(prior.atmosphere(limb)) @ shadow.weights)(limb)
+    return light, slopes @ limb_dot
 
 
 def camera_weights(sun: Sun, moon: Moon):
@@ -145,12 +162,13 @@ def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
     """
     sun, moon = Sun(), Moon()
     wavelength, weights = camera_weights(sun, moon)
+    ends_at = eqx.filter_jit(lambda where, dt: disc_offsets(where.after(dt)))
     ends = np.array(
-        [disc_offsets(where.after(dt)) for where in geometries for dt in (-clock_reach, 0.0, clock_reach)]
+        [ends_at(where, jnp.asarray(dt)) for where in geometries for dt in (-clock_reach, 0.0, clock_reach)]
     )
     moon_distance = jnp.mean(jnp.stack([jnp.linalg.norm(where.moon) for where in geometries]))
     sun_distance = jnp.linalg.norm(geometries[0].sun)
-    grid = table_grid(sun, moon_distance, sun_distance, (ends.min(), ends.max()), OFFSETS + 8 * (np.ptp(ends) > 0.015))
+    grid = table_grid(sun, moon_distance, sun_distance, (ends.min(), ends.max()), OFFSETS + 8 * int(np.ptp(ends) > 0.015))
     visible = moon_distance - 0.6 * MOON_RADIUS
     offset = grid.offsets_at(visible)
     operator = eqx.filter_jit(shadow_operator)(
@@ -195,9 +213,9 @@ class Likelihood(eqx.Module):
     shadow: Shadow
     models: tuple
     data: tuple
-    """Log values above the floor, flattened (cell x 3) to the usable ones."""
-    chosen: tuple
-    """Indices of the usable ones in the flattened model."""
+    """Log values above the floor (cell x 3,)."""
+    usable: tuple
+    """1 where they count, 0 where not (cell x 3,)."""
     whiteners: tuple[Whitener, ...]
 
     def split(self, z):
@@ -213,10 +231,10 @@ class Likelihood(eqx.Module):
     def misfits(self, z: Float[Array, " parameter"]) -> list[Float[Array, " datum"]]:
         """Data minus model of each photograph, in log value."""
         limb, *nuisances = self.split(z)
-        table = self.shadow(prior.atmosphere(limb))
+        table = self.shadow(limb)
         return [
-            data - model(table, nuisance).ravel()[chosen]
-            for model, nuisance, data, chosen in zip(self.models, nuisances, self.data, self.chosen, strict=True)
+            usable * (data - model(table, nuisance).ravel())
+            for model, nuisance, data, usable in zip(self.models, nuisances, self.data, self.usable, strict=True)
         ]
 
     def residuals(self, z: Float[Array, " parameter"]) -> Float[Array, " residual"]:
@@ -225,13 +243,13 @@ class Likelihood(eqx.Module):
 
     def with_gains(self) -> "Likelihood":
         """The same with each photograph's gain centred so that the median of model and data agree at the prior's centre."""
-        table = self.shadow(prior.atmosphere(jnp.zeros(len(prior.ATMOSPHERE))))
+        table = shadow_light(self.shadow, jnp.zeros(len(prior.ATMOSPHERE)))
         models = []
-        for model, data, chosen in zip(self.models, self.data, self.chosen, strict=True):
-            zero = jnp.zeros(len(model.parameters))
+        for model, data, usable in zip(self.models, self.data, self.usable, strict=True):
             for _ in range(6):  # the tone curve makes it a little more than one step
-                misfit = jnp.median(data - model(table, zero).ravel()[chosen])
-                model = eqx.tree_at(lambda model: model.gain, model, model.gain + misfit)
+                misfit = data - jnp.log(signal(model, table, jnp.zeros(len(model.parameters))) + model.floor).ravel()
+                gain = model.gain + np.median(np.asarray(misfit)[np.asarray(usable) > 0])
+                model = eqx.tree_at(lambda model: model.gain, model, gain)
             models.append(model)
         return eqx.tree_at(lambda self: self.models, self, tuple(models))
 
@@ -280,3 +298,15 @@ def profile_model(profile, where: Geometry, floor: float) -> ProfileModel:
         floor=jnp.asarray(floor),
         tone_curve=profile.tone_curve,
     )
+
+
+@eqx.filter_jit
+def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTable:
+    """The table of the shadow, compiled by itself."""
+    return shadow(limb)
+
+
+@eqx.filter_jit
+def signal(model, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
+    """Decoded pixel values of one photograph's cells [full scale], compiled by itself."""
+    return model.signal(table, z)

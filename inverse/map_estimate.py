@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-MAX_STEPS = 60
-TOLERANCE = 1e-5  # of z, whose prior has standard deviation 1
+MAX_STEPS = 120
+RELATIVE, ABSOLUTE = 1e-4, 1e-3  # change of z (the prior's standard deviation is 1) and of the residuals at which it ends
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def _residuals(z, likelihood):
 
 @eqx.filter_jit
 def _descend(likelihood, start):
-    solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
+    solver = optx.LevenbergMarquardt(rtol=RELATIVE, atol=ABSOLUTE)
     solution = optx.least_squares(
         _residuals, solver, start, args=likelihood, max_steps=MAX_STEPS, throw=False
     )

@@ -11,6 +11,12 @@ from inverse.result import PhotoFit
 
 RATIOS = {"red / green": (0, 1, "#d55e00", "o"), "blue / green": (2, 1, "#0072b2", "s")}  # Okabe & Ito's palette
 KEY = "#777777"
+TICKS = {  # decades at most, ticks in each
+    0.4: (1, 1.1, 1.2, 1.3, 1.5, 1.7, 2, 2.5, 3, 4, 5, 6, 7, 8, 9),
+    1.0: (1, 1.5, 2, 3, 4, 5, 7),
+    3.0: (1, 2, 5),
+    np.inf: (1,),
+}
 
 
 def profile_plot(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
@@ -21,7 +27,7 @@ def profile_plot(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
     foot = footer(figure, remarks, 9.0, 8.5)
     tall = figure.get_figheight()
     grid = figure.add_gridspec(
-        2, 1, height_ratios=(3, 2), left=0.11, right=0.97, top=1 - 0.55 / tall, bottom=foot + 0.6 / tall, hspace=0.06
+        2, 1, height_ratios=(3, 2), left=0.11, right=0.97, top=1 - 0.55 / tall, bottom=foot + 0.5 / tall, hspace=0.06
     )
     top = figure.add_subplot(grid[0])
     below = figure.add_subplot(grid[1], sharex=top)
@@ -36,11 +42,7 @@ def profile_plot(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
         _curve(below, _binned(offset, ratio, expected, expected - down, expected + up), colour, marker, name)
     _scales(top, below)
     _edge(top, below, photo.utc)
-    top.errorbar([], [], yerr=[], fmt="o", color=KEY, markersize=3.5, linewidth=0.8, label="photograph, 68 % of its cells")
-    top.plot([], [], color=KEY, linewidth=1.4, label="model")
-    top.fill_between([], [], color=KEY, alpha=0.25, linewidth=0, label="model, 68 % of the posterior")
-    for panel in (top, below):
-        panel.legend(fontsize=9, loc="best", framealpha=0.9)
+    _keys(top, below)
     heading(figure, photo)
 
 
@@ -65,7 +67,7 @@ def _logarithms(photo: PhotoFit) -> tuple[np.ndarray, ...]:
 
 
 def _binned(offset, observed, model, lower, upper) -> np.ndarray:
-    """Medians in bins of an arcmin: offset, observed and its 16 and 84 %, model, lower, upper (7, bin), no logarithms."""
+    """Medians in bins of an arcmin: offset, observed and its 16 and 84 %, model, lower, upper (7, bin), as ratios."""
     good = np.isfinite(observed)
     number = np.floor(offset)
     columns = []
@@ -91,13 +93,26 @@ def _scales(top, below) -> None:
         panel.set_yscale("log")
         panel.grid(True, color="#dddddd", linewidth=0.6)
         panel.tick_params(which="both", direction="in", top=True, right=True)
-    below.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    below.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    below.yaxis.set_minor_formatter(NullFormatter())
+        low, high = panel.get_ylim()
+        decades = np.log10(high / low)
+        steps = next(steps for most, steps in TICKS.items() if decades < most)
+        panel.yaxis.set_major_locator(LogLocator(subs=steps, numticks=30))
+        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        panel.yaxis.set_minor_formatter(NullFormatter())
     top.tick_params(labelbottom=False)
     top.set_ylabel("brightness / surface  [full scale of the file]", fontsize=10)
     below.set_ylabel("colour  [ratio of channels]", fontsize=10)
     below.set_xlabel("distance from the shadow's axis, at the Earth's centre  [arcmin]", fontsize=10)
+
+
+def _keys(top, below) -> None:
+    lines, _ = top.get_legend_handles_labels()
+    line = top.plot([], [], color=KEY, linewidth=1.4, label="model")
+    area = top.fill_between([], [], color=KEY, alpha=0.25, linewidth=0, label="model, 68 % of the posterior")
+    points = top.errorbar([], [], yerr=[], fmt="o", color=KEY, markersize=3.5, linewidth=0.8)
+    points.set_label("photograph, 68 % of its cells")
+    top.legend(handles=[*lines, points, *line, area], fontsize=9, loc="best", framealpha=0.9)
+    below.legend(fontsize=9, loc="best", framealpha=0.9, title="bands: if channels err independently", title_fontsize=8)
 
 
 def _edge(top, below, utc: str) -> None:

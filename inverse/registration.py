@@ -187,8 +187,9 @@ def on_sky(luminance: np.ndarray, circle: Circle) -> bool:
         return False
     sky, moon = np.median(outside), np.percentile(inside, 95)
     # By day most of the picture outshines any round thing in it.
-    elsewhere = np.mean(luminance[::7, ::7] > np.percentile(inside, 90))
-    return bool(np.percentile(outside, 90) - sky < 0.3 * (moon - sky) and elsewhere < 0.4)
+    elsewhere = np.mean(luminance[::7, ::7] > (sky + moon) / 2)
+    smooth = np.percentile(outside, 90) - sky < 0.3 * (moon - sky)
+    return bool(smooth and sky < 0.7 * moon and elsewhere < 0.4)
 
 
 def around(circle: Circle, shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -1,6 +1,7 @@
 """What a fit found: numbers, pictures to look at, and how it was done."""
 
 import json
+import warnings
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,9 @@ class Fit:
     @property
     def posterior(self):
         """The draws as arviz InferenceData, with those of the prior beside them."""
-        import arviz
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # arviz announces its successor once a day
+            import arviz
 
         return arviz.from_dict(
             posterior=self.draws,

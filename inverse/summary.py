@@ -10,7 +10,7 @@ import numpy as np
 
 from eclipsejax.scene import axis_offset
 from inverse import prior
-from inverse.likelihood import Disc, Likelihood, PhotoModel, wings_at
+from inverse.likelihood import Disc, Likelihood, PhotoModel, shadow_light, signal, wings_at
 from inverse.map_estimate import Optimum
 from inverse.result import Estimate, PhotoFit
 
@@ -80,13 +80,12 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
     """One photograph beside its model, at the optimum `z` and for some draws of all parameters (draw, parameter)."""
     model = likelihood.models[number]
 
-    @eqx.filter_jit
-    def signal(model, z):
-        limb, *nuisances = likelihood.split(z)
-        return model.signal(likelihood.shadow(prior.atmosphere(limb)), nuisances[number])
+    def at(model, z):
+        limb, *nuisances = likelihood.split(jnp.asarray(z))
+        return np.asarray(signal(model, shadow_light(likelihood.shadow, limb), nuisances[number]))
 
-    predicted = np.asarray(signal(model, jnp.asarray(z)))
-    drawn = np.stack([np.asarray(signal(model, jnp.asarray(one))) for one in draws])
+    predicted = at(model, z)
+    drawn = np.stack([at(model, one) for one in draws])
     band = np.quantile(drawn, (0.16, 0.84), axis=0)
     nuisance = prior.values(model.parameters, likelihood.split(jnp.asarray(z))[1 + number])
     if not isinstance(model, PhotoModel):
@@ -97,7 +96,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
             np.asarray(profile.value), predicted, np.asarray(profile.surface), band,
         )  # fmt: skip
 
-    later, points = model.cells.points(model.geometry, model.roll, model.mirror, nuisance)
+    later, offset, albedo = _surface(model, nuisance)
     cells, reach = item.cells, 1.3
     line = np.linspace(-reach, reach, PICTURE)
     right, up = np.meshgrid(line, -line)
@@ -111,22 +110,29 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
             jnp.asarray(np.hypot(right, up) < 1.0, dtype=float),
         ),
     )
-    picture = np.asarray(signal(dense, jnp.asarray(z))).reshape(PICTURE, PICTURE, 3)
+    picture = at(dense, z).reshape(PICTURE, PICTURE, 3)
     return PhotoFit(
         name=item.name,
         utc=later.utc,
         registration=item.registration,
-        offset=np.asarray(axis_offset(later, points.position)),
+        offset=np.asarray(offset),
         on_disc=cells.on_disc,
         usable=cells.usable,
         observed=cells.value,
         predicted=predicted,
-        albedo=np.asarray(model.surface(points, nuisance)),
+        albedo=np.asarray(albedo),
         band68=band,
         image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),
         model_image=picture,
         reach=reach,
     )
+
+
+@eqx.filter_jit
+def _surface(model: PhotoModel, nuisance):
+    """Geometry at the fitted time, offset of the cells from the axis and brightness of the surface."""
+    later, points = model.cells.points(model.geometry, model.roll, model.mirror, nuisance)
+    return later, axis_offset(later, points.position), model.surface(points, nuisance)
 
 
 def _photograph(photo, registration, right, up):

@@ -1,0 +1,115 @@
+"""The command `fit_atmosphere`: from a photograph of a lunar eclipse to the dust in the air that coloured it."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from eclipsejax import session
+from eclipsejax.errors import InputError
+
+DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"
+DEMO_DISC, DEMO_TIME, DEMO_SITE = 4, "2022-05-16T04:06:00Z", (-10.944, -37.056)
+DEMO_PROFILE = "2022-05-16-profile.csv"
+NOT_CONVERGED = 3
+
+
+class NotConverged(Exception):
+    """The optimiser gave up; the report was written all the same."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status: 0, 2 for what cannot be used, 3 for a fit that did not converge."""
+    try:
+        return session.run("fit_atmosphere", partial(_command, arguments))
+    except NotConverged:
+        return NOT_CONVERGED
+
+
+def _command(arguments: Sequence[str] | None) -> None:
+    options = _parser().read(arguments)
+    if bool(options.photographs) == options.demo:
+        raise InputError("Name photographs of one eclipse, or give --demo for an example (see fit_atmosphere --help).")
+    out = Path(options.out)
+    if out.exists() and not out.is_dir():
+        raise InputError(f"The report cannot be written to {out}, which is a file: give --out a folder.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    except OSError as error:
+        raise InputError(f"The folder {out} cannot be made ({error.strerror}): give --out another place.") from None
+    session.start()
+    from inverse.fit import fit_atmosphere
+    from inverse.report import text_report
+
+    photographs, time, site, disc = options.photographs, options.time, options.site, options.disc
+    if options.demo:
+        photographs, time, site, disc = _demo()
+    with _Bars() as bars:
+        fit = fit_atmosphere(
+            photographs, time=time, site=site, disc=disc, draws=options.draws, seed=options.seed, progress=bars
+        )
+    print(text_report(fit))
+    for path in fit.save(out):
+        print(f"Wrote {path}")
+    if not fit.diagnostics["converged"]:
+        raise NotConverged
+
+
+def _parser() -> session.Arguments:
+    parser = session.Arguments(
+        prog="fit_atmosphere",
+        description="Infer the stratospheric dust, surface temperature and surface pressure of the air along the Earth's limb "
+        "from photographs of one lunar eclipse (JPEG, PNG, TIFF, FITS, camera RAW), or from a measured profile (CSV).",
+    )
+    add = parser.add_argument
+    add("photographs", nargs="*", metavar="PHOTO", help="photographs of one eclipse, or profiles (.csv)")
+    add("--demo", action="store_true", help="fit the eclipse of 2022-05-16 as an example")
+    add("--time", action="append", metavar="UTC", help="such as 2022-05-16T04:06:00Z; once for each photograph, or once for "
+        "the first where the others' clocks are known relative to its")  # fmt: skip
+    add("--site", type=session.site, metavar="LAT,LON[,HEIGHT]", help="of the camera [degrees, north and east; m]")
+    add("--disc", type=int, metavar="N", help="which of several discs in the picture, in reading order from 1")
+    add("--out", default="out", metavar="DIR", help="folder of the report; default out")
+    add("--draws", type=int, default=64_000, metavar="N", help="posterior draws at most; 0 for Laplace's approximation alone")
+    add("--seed", type=int, default=0, metavar="N", help="of the sampler")
+    return parser
+
+
+def _demo():
+    """The photograph where it can be had, else the profile measured from it."""
+    from inverse.catalogue import data_file, photograph
+
+    try:
+        path = photograph(DEMO_PHOTOGRAPH)
+    except InputError as error:
+        print(f"{error} The brightness profile measured from it takes its place.")
+        return [data_file(DEMO_PROFILE)], None, DEMO_SITE, None
+    return [path], DEMO_TIME, DEMO_SITE, DEMO_DISC
+
+
+class _Bars:
+    """One progress bar a stage."""
+
+    def __init__(self):
+        self.bar, self.stage = None, ""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._close()
+
+    def _close(self):
+        if self.bar is not None:
+            self.bar.close()
+
+    def __call__(self, progress):
+        from tqdm import tqdm
+
+        if progress.stage != self.stage:
+            self._close()
+            self.stage, self.bar = progress.stage, tqdm(total=progress.total, desc=progress.stage, unit="")
+        assert self.bar is not None
+        self.bar.update(progress.done - self.bar.n)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

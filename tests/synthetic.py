@@ -1,0 +1,44 @@
+"""Photographs of eclipses that never were: rendered with the full model, exposed with noise, rolled, compressed."""
+
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from PIL import Image
+
+from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
+from eclipsejax.camera import Camera, Exposure, ToneCurve, expose
+from eclipsejax.constants import MOON_RADIUS
+from eclipsejax.ephemeris import geometry
+from eclipsejax.render import channel_weights, render
+from eclipsejax.scene import Scene
+
+UTC, SITE = "2022-05-16T03:45:00Z", (-10.944, -37.056)
+SHAPE, RADIUS, CENTRE, ROLL = (420, 480), 150.0, (190.0, 262.0), 137.0
+ALPHA = 4.7e-6
+
+
+def limb(alpha: float = ALPHA) -> Atmosphere:
+    """Standard surface temperature and pressure, dust of Yapo & Cutler's (2009) picture, usual clouds and haze."""
+    return Atmosphere(
+        dust=Dust(alpha), haze=Haze(0.1), clouds=Clouds(top=7e3, cover=0.95, width=4e3)
+    )
+
+
+def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = None, quality: int = 92, seed: int = 1):
+    """Write a JPEG of the eclipse whose brightest parts reach 80 % of full scale."""
+    where = geometry(UTC, *SITE)
+    scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / RADIUS
+    frame = {"shape": SHAPE, "scale": scale, "roll": np.radians(ROLL), "centre": CENTRE, "response": "nikon_5100"}
+    scene = Scene.at(UTC, *SITE, camera=Camera(**frame))
+    light = np.asarray(eqx.filter_jit(render)(scene, atmosphere, tolerance=1e-2))
+    light = light / np.asarray(channel_weights(scene, 24)[1].sum(axis=0))  # white balance on the uneclipsed Moon
+    gain = 0.8 / np.percentile(light[..., 0][light[..., 0] > 0], 99.5)
+    exposure = Exposure(gain=(gain, gain, gain), full_well=20e3, read_noise=5.0)
+    optics = {"psf_fwhm": 2.0, "glare": 0.01, "glare_scale": 25.0}
+    camera = Camera(**frame, **optics, exposure=exposure, tone=tone, encoding="srgb")
+    encoded = np.asarray(expose(jnp.asarray(light), camera, jax.random.key(seed)))
+    Image.fromarray(np.round(255 * np.clip(encoded, 0, 1)).astype(np.uint8)).save(path, quality=quality)
+    return path

@@ -8,8 +8,8 @@ from eclipsejax import constants
 from eclipsejax.spectra import ciddor_refractivity, rayleigh_cross_section
 from eclipsejax.traced import real
 
-# U.S. Standard Atmosphere 1976, table 4: geopotential height of the layer bases above the tropopause [m] and lapse rates
-# dT/dH [K/m], the troposphere first. Above 84.852 km (geometric 86 km) we go on at constant temperature.
+# U.S. Standard Atmosphere 1976, table 4: geopotential height of the layer bases above the tropopause [m] and lapse
+# rates dT/dH [K/m], the troposphere first. Above 84.852 km (geometric 86 km) we go on at constant temperature.
 _TROPOPAUSE_TEMPERATURE = 216.65  # K
 _BASES = (20e3, 32e3, 47e3, 51e3, 71e3, 84852.05)
 _LAPSE_RATES = (-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0)
@@ -40,9 +40,7 @@ class Air(eqx.Module):
       other worlds of Yapo & Cutler (2009).
     """
 
-    surface_temperature: Float[Array, ""] = eqx.field(
-        converter=real, default=constants.STANDARD_TEMPERATURE
-    )
+    surface_temperature: Float[Array, ""] = eqx.field(converter=real, default=constants.STANDARD_TEMPERATURE)
     surface_pressure: Float[Array, ""] = eqx.field(converter=real, default=constants.STANDARD_PRESSURE)
     refraction: Float[Array, ""] = eqx.field(converter=real, default=1.0)
     scattering: Float[Array, ""] = eqx.field(converter=real, default=1.0)

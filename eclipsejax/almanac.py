@@ -192,8 +192,6 @@ def _described(numbers: np.ndarray) -> list[Eclipse]:
         at_greatest, *at_contacts = texts[7 * k : 7 * (k + 1)]
         contacts = {name: text for name, text in zip(CONTACTS, at_contacts, strict=True) if name in happening}
         described.append(
-            Eclipse(
-                kind, at_greatest, float(gamma[k]), float(magnitude), float(penumbral_magnitude[k]), contacts
-            )
+            Eclipse(kind, at_greatest, float(gamma[k]), float(magnitude), float(penumbral_magnitude[k]), contacts)
         )
     return described

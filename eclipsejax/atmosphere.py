@@ -158,8 +158,8 @@ class Atmosphere(eqx.Module):
 
     @property
     def dense_breaks(self) -> Float[Array, " breaks"]:
-        """Of `breaks` those that matter to 1e-3 of the light: no clouds, and above 32 km, where the air bends by less than
-        1', nothing but 50 km [m]."""
+        """Of `breaks` those that matter to 1e-3 of the light: no clouds, and above 32 km, where the air bends by
+        less than 1', nothing but 50 km [m]."""
         edges = [self.air.dense_breaks, jnp.asarray([50e3])]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))

@@ -109,9 +109,7 @@ class Camera(eqx.Module):
 
     def __check_init__(self):
         if len(self.shape) != 2 or min(self.shape) < 1:
-            raise InputError(
-                f"A camera cannot have the shape {self.shape}: give rows and columns, at least 1."
-            )
+            raise InputError(f"A camera cannot have the shape {self.shape}: give rows and columns, at least 1.")
         if self.encoding not in ENCODINGS:
             raise InputError(f"A camera has no encoding {self.encoding!r}: take {' or '.join(ENCODINGS)}.")
         if self.exposure is None and (self.tone is not None or self.encoding != "linear"):

@@ -30,9 +30,7 @@ def _command(arguments: Sequence[str] | None) -> None:
 
 
 def _parser() -> session.Arguments:
-    parser = session.Arguments(
-        prog="eclipsejax", description="Lunar eclipses: when they are, and what they look like."
-    )
+    parser = session.Arguments(prog="eclipsejax", description="Lunar eclipses: when they are, and what they look like.")
     commands = parser.add_subparsers(required=True, metavar="list | render")
     _add_list(commands)
     _add_render(commands)
@@ -147,9 +145,7 @@ def _render(options: Namespace) -> None:
     _check_writable(options.output)
     shot = (options.exposure, options.f_number, options.iso)
     if any(x is not None for x in shot) and (None in shot or options.gain is not None):
-        raise InputError(
-            "--exposure, --f-number and --iso belong together, without --gain: give all three or none."
-        )
+        raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
     session.start()
     import equinox as eqx
     import numpy as np
@@ -192,9 +188,7 @@ def _check_writable(path: Path) -> None:
         raise InputError(f"The picture {path} has no known format: end its name in {', '.join(SUFFIXES)}.")
     touched = path if path.exists() else path.parent
     if path.is_dir() or not path.parent.is_dir() or not os.access(touched, os.W_OK):
-        raise InputError(
-            f"The picture {path} cannot be written: name a file in a folder that exists and is writable."
-        )
+        raise InputError(f"The picture {path} cannot be written: name a file in a folder that exists and is writable.")
 
 
 def _atmosphere(options: Namespace):

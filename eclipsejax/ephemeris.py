@@ -128,9 +128,7 @@ class Geometry(eqx.Module):
         return eqx.tree_at(lambda here: [getattr(here, name) for name in moved], self, list(moved.values()))
 
 
-def geometry(
-    utc: str, latitude: float | None = None, longitude: float | None = None, height: float = 0.0
-) -> Geometry:
+def geometry(utc: str, latitude: float | None = None, longitude: float | None = None, height: float = 0.0) -> Geometry:
     """The scene at a time within 4.5 hours of greatest eclipse, from a site or from the Earth's centre.
 
     Against DE440 and skyfield's full reduction the Moon's direction is right to 1e-3 arcsec from the Earth's
@@ -201,9 +199,7 @@ def moon_altitude(geometry: Geometry) -> Float[Array, ""]:
     return jnp.where(on_earth, jnp.arcsin(jnp.where(on_earth, sine, 0.0)), 0.5 * jnp.pi)
 
 
-def local_circumstances(
-    eclipse: Eclipse, latitude: float, longitude: float, height: float = 0.0
-) -> dict[str, float]:
+def local_circumstances(eclipse: Eclipse, latitude: float, longitude: float, height: float = 0.0) -> dict[str, float]:
     """Altitude of the Moon's centre [rad] at `greatest` and at each contact, without refraction.
 
     The Moon is up where it is positive. Arguments as in `geometry`.

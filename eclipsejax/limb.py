@@ -1,13 +1,14 @@
 """A grazing ray: impact parameter, bending angle and optical depth from its tangent height.
 
-In a spherical atmosphere a = n r sin(angle) is constant along a ray (Bouguer), so with x = n r and a = x at the tangent point
+In a spherical atmosphere a = n r sin(angle) is constant along a ray (Bouguer), so with x = n r and a = x at the
+tangent point
 
     bending = -2 a int (dn/dr)/n dr / sqrt(x^2 - a^2),        optical depth = 2 int k x dr / sqrt(x^2 - a^2)
 
-(Born & Wolf, *Principles of Optics*, section 3.2). The integral is split at the breaks of the profile, and s = sqrt(x - a)
-is the variable in every panel: x is smooth in a panel, so the integrand is smooth in s however close
-the tangent point lies below a break (with s = sqrt(z - z_t) instead, a ray a centimetre below one is wrong by 2e-6).
-Heights are measured from the tangent point, never as differences of radii.
+(Born & Wolf, *Principles of Optics*, section 3.2). The integral is split at the breaks of the profile, and s =
+sqrt(x - a) is the variable in every panel: x is smooth in a panel, so the integrand is smooth in s however close
+the tangent point lies below a break (with s = sqrt(z - z_t) instead, a ray a centimetre below one is wrong by
+2e-6). Heights are measured from the tangent point, never as differences of radii.
 """
 
 import equinox as eqx
@@ -126,7 +127,8 @@ def bending_angle(atmosphere, tangent_height, wavelength, *, order: int = DEFAUL
 
     - `order`: Gauss-Legendre nodes between two breaks of the profile.
     """
-    return _grazing(atmosphere, *_real(tangent_height, wavelength), order)[0]
+    tangent_height, wavelength = _real(tangent_height, wavelength)
+    return _grazing(atmosphere, tangent_height, wavelength, order)[0]
 
 
 def optical_depth(atmosphere, tangent_height, wavelength, *, order: int = DEFAULT_ORDER) -> Float[Array, "..."]:
@@ -136,7 +138,8 @@ def optical_depth(atmosphere, tangent_height, wavelength, *, order: int = DEFAUL
 
     - `order`: Gauss-Legendre nodes between two breaks of the profile.
     """
-    return _grazing(atmosphere, *_real(tangent_height, wavelength), order)[1]
+    tangent_height, wavelength = _real(tangent_height, wavelength)
+    return _grazing(atmosphere, tangent_height, wavelength, order)[1]
 
 
 def _real(*arguments):

@@ -1,8 +1,9 @@
 """Grazing rays at Chebyshev nodes of tangent height, and any ray between them by interpolation.
 
-Bending and optical depth are smooth between two breaks of the atmosphere but for a square-root cusp just below the upper one, so they
-are interpolated in u = sqrt((upper - z) / (upper - lower)), in which the error falls exponentially with the number of nodes.
-The rays depend on wavelength through the refractivity of standard air alone: a few values of it serve all wavelengths.
+Bending and optical depth are smooth between two breaks of the atmosphere but for a square-root cusp just below the
+upper one, so they are interpolated in u = sqrt((upper - z) / (upper - lower)), in which the error falls
+exponentially with the number of nodes. The rays depend on wavelength through the refractivity of standard air
+alone: a few values of it serve all wavelengths.
 """
 
 import equinox as eqx
@@ -64,9 +65,9 @@ class LimbTable(eqx.Module):
     def pieces(self, distance, sun_distance, edges):
         """Start and stop, in u, of the stretches on which psi lies between neighbouring `edges` (ascending).
 
-        psi falls with u, but for a hook just below some breaks, where it first rises, by up to 0.3' (left uncut, that
-        stretch would cost 5 % of the light where an edge crosses it). Found without derivative: where the nodes lie does
-        not change the integral, and at the edges the integrand is zero or continuous.
+        psi falls with u, but for a hook just below some breaks, where it first rises, by up to 0.3' (left uncut,
+        that stretch would cost 5 % of the light where an edge crosses it). Found without derivative: where the
+        nodes lie does not change the integral, and at the edges the integrand is zero or continuous.
         """
         frozen, distance, sun_distance, edges = jax.lax.stop_gradient((self, distance, sun_distance, edges))
 
@@ -102,7 +103,9 @@ class LimbTable(eqx.Module):
             return jnp.where(edges <= low, lowest, jnp.where(edges >= high, highest, roots))
 
         # The stretch that rises, from 0 to the summit, and the one that falls, on to 1.
-        rising, falling = jax.vmap(cuts)(jnp.stack([jnp.zeros_like(summit), summit]), jnp.stack([summit, jnp.ones_like(summit)]))
+        rising, falling = jax.vmap(cuts)(
+            jnp.stack([jnp.zeros_like(summit), summit]), jnp.stack([summit, jnp.ones_like(summit)])
+        )
         start = jnp.concatenate([rising[:-1], falling[1:]])
         stop = jnp.concatenate([rising[1:], falling[:-1]])
         return jax.lax.stop_gradient((start, jnp.maximum(start, stop)))
@@ -111,8 +114,8 @@ class LimbTable(eqx.Module):
 def limb_table(atmosphere, wavelength: Float[Array, " wavelength"], counts, breaks=None):
     """Trace the rays of an atmosphere for all wavelengths [nm].
 
-    Returns the `LimbTable`, with wavelength as its leading axis, and the coefficients (wavelength, constituent) that turn
-    columns into optical depth. (Interpolating the irradiance instead, between a few refractivities, would
+    Returns the `LimbTable`, with wavelength as its leading axis, and the coefficients (wavelength, constituent)
+    that turn columns into optical depth. (Interpolating the irradiance instead, between a few refractivities, would
     save most of the work in `shadow`; caustics make that wrong by up to 6 %.)
 
     - `counts`: a `Quadrature` or `RayCounts`; `ray`, `table` and `dispersion` are used.

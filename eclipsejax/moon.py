@@ -110,9 +110,7 @@ class Moon(eqx.Module):
     law: str = eqx.field(static=True)
     """Photometric law: "flat", "lambert" or "lunar-lambert"."""
 
-    def __init__(
-        self, albedo_map=None, contrast=0.7, surge=1.44, surge_width=0.047, law: str = "lunar-lambert"
-    ):
+    def __init__(self, albedo_map=None, contrast=0.7, surge=1.44, surge_width=0.047, law: str = "lunar-lambert"):
         """The fields of the same names.
 
         - `albedo_map`: None for `lunar_map()`. Of any other map only the relative values count: its mean is
@@ -127,9 +125,7 @@ class Moon(eqx.Module):
         self.log_levels = real(_lunar_levels() if albedo_map is None else log_levels(np.asarray(albedo_map)))
         self.law = law
 
-    def albedo(
-        self, longitude: Float[ArrayLike, "..."], latitude: Float[ArrayLike, "..."]
-    ) -> Float[Array, "..."]:
+    def albedo(self, longitude: Float[ArrayLike, "..."], latitude: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         """Albedo relative to the mean of the near side's disc [-]; bilinear, periodic in longitude.
 
         - `longitude`, `latitude`: selenographic, east and north positive [rad].

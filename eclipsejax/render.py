@@ -31,8 +31,9 @@ SAMPLINGS = {1e-2: Sampling(40, 24), 1e-3: Sampling(64, 40), 1e-4: Sampling(128,
 def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array, "row column channel"]:
     """Linear picture of a lunar eclipse, optics included, exposure not: see `camera.expose`.
 
-    The unit is the mean of the uneclipsed disc (at the phase angle of 1.5 degrees) above the air, in luminance for the
-    response "srgb" and in the green channel of a camera. "srgb" gives linear sRGB, which may be negative for colours outside its gamut.
+    The unit is the mean of the uneclipsed disc (at the phase angle of 1.5 degrees) above the air, in luminance for
+    the response "srgb" and in the green channel of a camera. "srgb" gives linear sRGB, which may be negative for
+    colours outside its gamut.
 
     - `tolerance`: relative error wanted of the irradiance; 1e-2, 1e-3, 1e-4 or 1e-6 are measured settings.
     """
@@ -105,8 +106,8 @@ def unflattened(scene: Scene, east, north):
 def channel_weights(scene: Scene, count: int):
     """Wavelengths [nm] and weights (wavelength, channel) that turn irradiance into the camera's channels.
 
-    Each weight is the integral of Sun x Moon x response over a bin, on a 1 nm grid, so that Fraunhofer lines average out; the
-    irradiance is taken at the bin's middle. XYZ for the response "srgb".
+    Each weight is the integral of Sun x Moon x response over a bin, on a 1 nm grid, so that Fraunhofer lines
+    average out; the irradiance is taken at the bin's middle. XYZ for the response "srgb".
     """
     bins = np.linspace(380.0, 780.0, count + 1)
     wavelength = jnp.asarray(0.5 * (bins[1:] + bins[:-1]))

@@ -49,9 +49,7 @@ def gauss_wavelengths(
     return start + 0.5 * (stop - start) * (node + 1), 0.5 * (stop - start) * weight
 
 
-def responses(
-    name: str | Path, wavelength: Float[ArrayLike, " wavelength"]
-) -> Float[np.ndarray, "wavelength 3"]:
+def responses(name: str | Path, wavelength: Float[ArrayLike, " wavelength"]) -> Float[np.ndarray, "wavelength 3"]:
     """Three spectral responses at the given wavelengths, cubic in the 5 nm tables, zero outside them [-].
 
     Colour matching functions are scaled as the CIE has them (peak of y-bar 1), cameras to a peak of 1 in

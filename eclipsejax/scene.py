@@ -33,14 +33,12 @@ class DiscPoints(eqx.Module):
     phase_angle: Float[Array, "..."]
     """Between the light that arrives and the observer [rad].
 
-    Where the Earth hides the Sun's centre the light comes from the Earth's limb, some 57' from the Earth's centre and, on
-    average, from the observer.
+    Where the Earth hides the Sun's centre the light comes from the Earth's limb, some 57' from the Earth's centre
+    and, on average, from the observer.
     """
 
 
-def disc_points(
-    geometry: Geometry, east: Float[Array, "..."], north: Float[Array, "..."]
-) -> DiscPoints:
+def disc_points(geometry: Geometry, east: Float[Array, "..."], north: Float[Array, "..."]) -> DiscPoints:
     """Where lines of sight meet the Moon, a sphere of `MOON_RADIUS`.
 
     - `east`, `north`: tangent-plane angles from the apparent centre of the disc towards celestial east and north [rad].

@@ -1,17 +1,19 @@
 """Sunlight inside the Earth's shadow: every grazing ray that brings part of the Sun's disc to one point.
 
-A ray of impact parameter a reaches a point at distance D under the angle asin(a / D) from the Earth's centre; traced back it
-comes from the Sun's sky at the angle (at the Earth's centre, from the direction opposite to the point)
+A ray of impact parameter a reaches a point at distance D under the angle asin(a / D) from the Earth's centre;
+traced back it comes from the Sun's sky at the angle (at the Earth's centre, from the direction opposite to the
+point)
 
     psi(a) = asin(a / D) + asin(a / D_s) - bending(a).
 
-The Sun's centre stands at the angle `offset` from that direction. Radiance is conserved along a ray, so the irradiance is
+The Sun's centre stands at the angle `offset` from that direction. Radiance is conserved along a ray, so the
+irradiance is
 
     E = int sin(beta) (d beta / d a) T(a) [ 2 int I(mu) dphi over the arc of the circle |psi(a)| inside the Sun ] da,
 
-divided by the same for the whole Sun. The integral runs over the tangent height, never over psi, which is not monotone. It is split
-at the breaks of the atmosphere and where the circle touches the Sun's edge; both ends of each piece are square-root
-singular, and the nodes cluster there like those of a Chebyshev rule.
+divided by the same for the whole Sun. The integral runs over the tangent height, never over psi, which is not
+monotone. It is split at the breaks of the atmosphere and where the circle touches the Sun's edge; both ends of each
+piece are square-root singular, and the nodes cluster there like those of a Chebyshev rule.
 """
 
 from collections.abc import Callable
@@ -40,8 +42,8 @@ class Quadrature(NamedTuple):
     arc: int  # nodes on the arc inside the Sun
 
 
-# Measured against brute-force integration (tests/test_shadow.py), 390-770 nm, offsets 0-1.4 degrees, six atmospheres, down to
-# irradiances of 1e-18: largest relative errors 4e-3, 6e-4, 4e-5 and 6e-7.
+# Measured against brute-force integration (tests/test_shadow.py), 390-770 nm, offsets 0-1.4 degrees, six
+# atmospheres, down to irradiances of 1e-18: largest relative errors 4e-3, 6e-4, 4e-5 and 6e-7.
 QUADRATURES = {
     1e-2: Quadrature(ray=5, table=9, dispersion=2, shadow=9, arc=3),
     1e-3: Quadrature(ray=6, table=11, dispersion=3, shadow=12, arc=4),

@@ -1,8 +1,8 @@
 """The shadow as a fixed operator: what depends on the Sun and the offsets alone is worked out once.
 
-The arc A of a circle of radius |psi| inside the Sun depends on offset, |psi| and the Sun, not on the air. With its primitive
-P(psi) = int A d psi in a table, the rays between two neighbouring tangent heights, over which the flux per unit of psi is nearly
-constant, contribute
+The arc A of a circle of radius |psi| inside the Sun depends on offset, |psi| and the Sun, not on the air. With its
+primitive P(psi) = int A d psi in a table, the rays between two neighbouring tangent heights, over which the flux
+per unit of psi is nearly constant, contribute
 
     (flux / delta psi) (P(psi + delta psi) - P(psi)),
 

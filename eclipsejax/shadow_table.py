@@ -1,9 +1,9 @@
 """The shadow as a table, from which a picture takes each pixel's light.
 
-Irradiance varies fast about the umbra's edge and slowly elsewhere, and the edge moves with the distance of the surface
-point. So the table runs in t = asinh((offset - edge(D)) / width), uniformly, at the nearest and farthest distance of the
-lunar surface; its entries are logs of irradiance already weighted with the camera's responses. Between entries: cubic in t,
-linear in D.
+Irradiance varies fast about the umbra's edge and slowly elsewhere, and the edge moves with the distance of the
+surface point. So the table runs in t = asinh((offset - edge(D)) / width), uniformly, at the nearest and farthest
+distance of the lunar surface; its entries are logs of irradiance already weighted with the camera's responses.
+Between entries: cubic in t, linear in D.
 """
 
 import equinox as eqx
@@ -15,7 +15,7 @@ from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
 from eclipsejax.shadow import rays_irradiance, trace_limb
 from eclipsejax.traced import real
 
-WIDTH = 2e-3  # rad; the grid is finest within this of the umbra's edge
+WIDTH = 1.2e-3  # rad; the grid is finest within this of the umbra's edge
 FAINTEST = 1e-30  # of sunlight: keeps the log of opaque air finite
 
 
@@ -78,8 +78,10 @@ class ShadowTable(eqx.Module):
 
 def umbra_edge(distance, sun_distance, sun_radius):
     """Angle from the axis at which a solid Earth just covers the Sun [rad]."""
-    return jnp.arcsin(EARTH_RADIUS / distance) + jnp.arcsin(EARTH_RADIUS / sun_distance) - jnp.arcsin(
-        sun_radius / sun_distance
+    return (
+        jnp.arcsin(EARTH_RADIUS / distance)
+        + jnp.arcsin(EARTH_RADIUS / sun_distance)
+        - jnp.arcsin(sun_radius / sun_distance)
     )
 
 

@@ -52,8 +52,8 @@ def _ozone_table() -> tuple[np.ndarray, np.ndarray]:
 def ozone_cross_section(wavelength: Float[Array, ""]) -> Float[Array, ""]:
     """Ozone absorption cross-section at 295 K [m^2], linear between 1 nm means of 320-829 nm.
 
-    Malicet et al. (1995) below 345 nm, Brion et al. (1998) above. One temperature serves: from 193 to 293 K it changes by
-    1.5 % at 550-650 nm; the data sets differ by 2-3 %.
+    Malicet et al. (1995) below 345 nm, Brion et al. (1998) above. One temperature serves: from 193 to 293 K it
+    changes by 1.5 % at 550-650 nm; the data sets differ by 2-3 %.
     """
     grid, cross_section = _ozone_table()
     return jnp.interp(wavelength, jnp.asarray(grid, dtype=float), jnp.asarray(cross_section, dtype=float))

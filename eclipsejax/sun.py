@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from eclipsejax.constants import ASTRONOMICAL_UNIT, SUN_RADIUS
 from eclipsejax.traced import real
 
-# Neckel (2005), Solar Physics 229, 13: A_k = c0 + c1/w + c5/w^5 with w in micrometres, below and above 422.57 nm (and, by
-# extrapolation, from 380 nm; the fit begins at 385). c5 of A_5 above 422.57 nm is negative: only then do the A_k sum to 1.
+# Neckel (2005), Solar Physics 229, 13: A_k = c0 + c1/w + c5/w^5 with w in micrometres, below and above 422.57 nm
+# (and, by extrapolation, from 380 nm; the fit begins at 385). c5 of A_5 above 422.57 nm is negative: only then do
+# the A_k sum to 1.
 _SPLIT = 422.57
 _BELOW = (
     (0.09900, 0.010643, 0.0),
@@ -83,7 +84,8 @@ class Sun(eqx.Module):
 def limb_darkening(sun: Sun, mu, wavelength):
     """Brightness of the Sun's disc relative to its centre, I(mu)/I(1) [-].
 
-    Neckel (2005); 0.01 from Neckel & Labs (1994). `mu`, the cosine of the angle of emergence, and wavelength [nm] broadcast.
+    Neckel (2005); 0.01 from Neckel & Labs (1994). `mu`, the cosine of the angle of emergence, and wavelength [nm]
+    broadcast.
     """
 
     def one(mu, wavelength):

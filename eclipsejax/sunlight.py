@@ -1,7 +1,7 @@
 """Sunlight that no air has touched: the whole Sun, and what of it passes above the atmosphere.
 
-A ray of impact parameter a reaches a point at distance D under the angle beta = asin(a / D) from the Earth's centre, and comes,
-traced back without bending, from asin(a / D) + asin(a / D_s) in the Sun's sky.
+A ray of impact parameter a reaches a point at distance D under the angle beta = asin(a / D) from the Earth's
+centre, and comes, traced back without bending, from asin(a / D) + asin(a / D_s) in the Sun's sky.
 """
 
 import jax.numpy as jnp

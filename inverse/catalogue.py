@@ -95,10 +95,7 @@ def _entry(row: dict[str, str]) -> Entry:
         camera=row["camera"] or None,
         width=int(row["width"]),
         height=int(row["height"]),
-        **{
-            name: row[name]
-            for name in ("licence", "credit", "repository", "commit", "path", "sha256", "note")
-        },
+        **{name: row[name] for name in ("licence", "credit", "repository", "commit", "path", "sha256", "note")},
     )
 
 

@@ -57,18 +57,25 @@ def _command(arguments: Sequence[str] | None) -> None:
 def _parser() -> session.Arguments:
     parser = session.Arguments(
         prog="fit_atmosphere",
-        description="Infer the stratospheric dust, surface temperature and surface pressure of the air along the Earth's limb "
-        "from photographs of one lunar eclipse (JPEG, PNG, TIFF, FITS, camera RAW), or from a measured profile (CSV).",
+        description="Infer the stratospheric dust, surface temperature and surface pressure of the air along the "
+        "Earth's limb from photographs of one lunar eclipse (JPEG, PNG, TIFF, FITS, camera RAW), or from a measured "
+        "profile (CSV).",
     )
     add = parser.add_argument
     add("photographs", nargs="*", metavar="PHOTO", help="photographs of one eclipse, or profiles (.csv)")
     add("--demo", action="store_true", help="fit the eclipse of 2022-05-16 as an example")
-    add("--time", action="append", metavar="UTC", help="such as 2022-05-16T04:06:00Z; once for each photograph, or once for "
-        "the first where the others' clocks are known relative to its")  # fmt: skip
+    add("--time", action="append", metavar="UTC", help="such as 2022-05-16T04:06:00Z; once for each photograph, "
+        "or once for the first where the others' clocks are known relative to its")  # fmt: skip
     add("--site", type=session.site, metavar="LAT,LON[,HEIGHT]", help="of the camera [degrees, north and east; m]")
     add("--disc", type=int, metavar="N", help="which of several discs in the picture, in reading order from 1")
     add("--out", default="out", metavar="DIR", help="folder of the report; default out")
-    add("--draws", type=int, default=64_000, metavar="N", help="posterior draws at most; 0 for Laplace's approximation alone")
+    add(
+        "--draws",
+        type=int,
+        default=32_000,
+        metavar="N",
+        help="posterior draws at most; 0 for Laplace's approximation alone",
+    )
     add("--seed", type=int, default=0, metavar="N", help="of the sampler")
     return parser
 

@@ -28,9 +28,7 @@ def jpeg_or_png(path: Path) -> Decoded:
         codes, noise = _codes(path, image), 0.0
         given = facts(tags_of_image(image))  # only now: Pillow decodes a PNG to find its EXIF
         if isinstance(image, JpegImageFile) and image.mode in ("L", "RGB"):
-            noise = tone.jpeg_noise(
-                np.broadcast_to(codes, (*codes.shape[:2], 3)), image.quantization, image.layer
-            )
+            noise = tone.jpeg_noise(np.broadcast_to(codes, (*codes.shape[:2], 3)), image.quantization, image.layer)
         kind = "PNG" if image.format == "PNG" else "JPEG"
     full_scale = float(np.iinfo(codes.dtype).max)
     return Decoded(codes, given, kind, "srgb", curve, primaries, full_scale=full_scale, noise=noise)

@@ -68,7 +68,9 @@ def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None
     if time and len(time) == len(photos):
         return list(time)
     if time and len(time) != 1:
-        raise InputError(f"{len(time)} times were given for {len(photos)} photographs: give one for each, or one for the first.")
+        raise InputError(
+            f"{len(time)} times were given for {len(photos)} photographs: give one for each, or one for the first."
+        )
     if time:
         # One time sets the first camera clock; the others follow by what their own clocks say.
         clocks = [getattr(photo, "local_time", None) or getattr(photo, "time", None) for photo in photos]
@@ -82,9 +84,7 @@ def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None
         if photo.time is None:
             local = getattr(photo, "local_time", None)
             says = f"only its camera's clock, {local}, without a time zone" if local else "no time"
-            raise InputError(
-                f"{photo.path} holds {says}: give the time in UTC, such as --time 2022-05-16T04:06:00Z."
-            )
+            raise InputError(f"{photo.path} holds {says}: give the time in UTC, such as --time 2022-05-16T04:06:00Z.")
     return [str(photo.time) for photo in photos]
 
 
@@ -101,15 +101,15 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
     site = site or getattr(photo, "site", None)
     if site is None and isinstance(photo, Photo):
         remarks.append(
-            f"{Path(photo.path).name}: no site is known, so the observer was put at the Earth's centre; the Moon's parallax (up to "
-            "a degree) then tilts the map by as much: give --site LAT,LON."
+            f"{Path(photo.path).name}: no site is known, so the observer was put at the Earth's centre; the Moon's "
+            "parallax (up to a degree) then tilts the map by as much: give --site LAT,LON."
         )
     where = geometry(utc, *(site or ()))
     check_eclipsed(where)
     if site is not None and float(moon_altitude(where)) < np.radians(-1.0):
         raise InputError(
-            f"At {where.utc} the Moon is {-np.degrees(float(moon_altitude(where))):.0f} degrees below the horizon of {site[0]:g}, "
-            f"{site[1]:g}: check the time (UTC) and the site (north and east are positive)."
+            f"At {where.utc} the Moon is {-np.degrees(float(moon_altitude(where))):.0f} degrees below the horizon of "
+            f"{site[0]:g}, {site[1]:g}: check the time (UTC) and the site (north and east are positive)."
         )
     if isinstance(photo, Profile):
         return Evidence(photo, where, None, None, tuple(remarks))
@@ -118,10 +118,13 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
     seen = int((cells.usable.any(axis=1) & cells.on_disc).sum())
     if seen < 100:
         raise InputError(
-            f"{photo.path} leaves only {seen} usable cells of the disc, the rest is over- or underexposed: take another exposure."
+            f"{photo.path} leaves only {seen} usable cells of the disc, the rest is over- or underexposed: "
+            "take another exposure."
         )
     if registration.roll_from == "assumed north up":
-        remarks.append(f"{Path(photo.path).name}: neither maria nor shadow fixed the roll of the camera; north up was assumed.")
+        remarks.append(
+            f"{Path(photo.path).name}: neither maria nor shadow fixed the roll of the camera; north up was assumed."
+        )
     return Evidence(photo, where, registration, cells, tuple(remarks))
 
 
@@ -129,23 +132,23 @@ def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]
     """The likelihood of all photographs, and the low-rank part of each one's covariance."""
     models, data, mask, whiteners, smooth = [], [], [], [], []
     for item in evidence:
-        if item.cells is None:
+        if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             on_disc = np.ones(len(value), dtype=bool)
             position = np.degrees(item.photo.offset)[:, None] * 60.0 / 17.0  # noise.LENGTH is in radii of 15-17'
         else:
+            assert item.cells is not None and item.registration is not None
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
             on_disc = item.cells.on_disc
             position = np.stack([item.cells.right, item.cells.up], axis=1)
         disc_values = value[on_disc][usable[on_disc]]
         dark = 3.0 * np.median(sigma[usable])
         floor = max(FLOOR * float(np.median(disc_values)), float(dark), 1e-6)
-        model = (
-            profile_model(item.photo, item.where, floor)
-            if item.registration is None
-            else photo_model(item.photo, item.registration, item.where, item.cells, floor)
-        )
+        if item.cells is None:
+            model = profile_model(item.photo, item.where, floor)
+        else:
+            model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)[:, None]
         counted = usable.astype(float)

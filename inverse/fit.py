@@ -34,20 +34,20 @@ def fit_atmosphere(
     time: str | Sequence[str] | None = None,
     site: tuple[float, float] | tuple[float, float, float] | None = None,
     disc: int | None = None,
-    draws: int = 64_000,
+    draws: int = 32_000,
     seed: int = 0,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Fit:
     """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
 
-    The optimum is Levenberg-Marquardt's over the limb and every nuisance of each photograph (exposure, white balance, tone curve,
-    glare, pointing, clock), from several starts; the posterior is sampled over the limb, with the nuisances marginalised
-    about the optimum. Priors: `inverse.prior`. Errors: `inverse.noise`, inflated until the best fit is as good as it claims.
-    Raises `InputError` with one sentence where a photograph cannot be used.
+    The optimum is Levenberg-Marquardt's over the limb and every nuisance of each photograph (exposure, white
+    balance, tone curve, glare, pointing, clock), from several starts; the posterior is sampled over the limb, with
+    the nuisances marginalised about the optimum. Priors: `inverse.prior`. Errors: `inverse.noise`, inflated until
+    the best fit is as good as it claims. Raises `InputError` with one sentence where a photograph cannot be used.
 
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
-    - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF says, if
-      it is certain.
+    - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF
+      says, if it is certain.
     - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
     - `disc`: which of several discs in a picture, from 1.
     - `draws`: from the posterior, at most; 0 for Laplace's approximation alone.

@@ -1,9 +1,11 @@
 """How far a cell may lie from a right model, and how the errors of neighbours hang together.
 
-No model of the limb is right to better than some 10 %, smoothly over the disc: clouds differ along it, the map's contrast with them.
-Treated as independent, such errors make intervals nine times too narrow. So the covariance of the log residuals is
+No model of the limb is right to better than some 10 %, smoothly over the disc: clouds differ along it, the map's
+contrast with them. Treated as independent, such errors make intervals nine times too narrow. So the covariance of
+the log residuals is
 
-    D (noise and independent error of each cell) + G (smooth errors, common and by channel) + J J' (linearised nuisances)
+    D (noise and independent error of each cell) + G (smooth errors, common and by channel) + J J' (linearised
+    nuisances)
 
 with G and J of low rank: C^(-1/2) costs two thin matrix products.
 """

@@ -1,12 +1,14 @@
 """Which way up a photograph of the Moon is, from the maria and from the direction of the Earth's shadow.
 
-The brightness of the disc, in some two thousand cells and as a logarithm, is a smooth function of the distance from the
-shadow's axis plus the logarithm of the albedo map. Both turn with the camera, so every roll and both mirror states are tried:
+The brightness of the disc, in some two thousand cells and as a logarithm, is a smooth function of the distance from
+the shadow's axis plus the logarithm of the albedo map. Both turn with the camera, so every roll and both mirror
+states are tried:
 
-- the maria by the correlation of map and photograph after both are freed from whatever is smooth over the disc (shadow, haze,
-  vignetting) and from any function of the distance from the axis;
-- the shadow by the part of the brightness that a function of the distance from the axis explains. It cannot tell a mirrored
-  picture from one that is not, and near the middle of totality, or in the penumbra alone, it has no direction.
+- the maria by the correlation of map and photograph after both are freed from whatever is smooth over the disc
+  (shadow, haze, vignetting) and from any function of the distance from the axis;
+- the shadow by the part of the brightness that a function of the distance from the axis explains. It cannot tell a
+  mirrored picture from one that is not, and near the middle of totality, or in the penumbra alone, it has no
+  direction.
 """
 
 from dataclasses import dataclass
@@ -22,7 +24,7 @@ from eclipsejax.scene import axis_offset, disc_points
 from inverse.disc_search import Circle, reduced
 from inverse.photo import Photo
 
-CELLS = 36  # across the disc
+CELLS = (36, 64)  # across the disc; the larger number where little of it can be used
 MAP = 192  # samples of the map across the disc
 EDGE = 0.93  # of the radius: nearer the limb, blur and slope of the ground spoil a cell
 STEP = np.radians(4.0)  # of the roll in the search
@@ -35,10 +37,10 @@ SHADOW_ELEMENTS = 10  # independent parts of the disc that tell the shadow's dir
 class Orientation:
     """Roll [rad] and mirror state of the camera.
 
-    - `source`: what they rest on: "maria", "shadow", "maria and shadow", or "assumed north up" for want of both. A mirrored
-      picture is recognised by the maria alone.
-    - `quality`: gain over the best other orientation, one that is mirrored or more than 20 degrees away: in the correlation
-      with the maria, or where only the shadow is seen in the share of the brightness that it explains.
+    - `source`: what they rest on: "maria", "shadow", "maria and shadow", or "assumed north up" for want of both. A
+      mirrored picture is recognised by the maria alone.
+    - `quality`: gain over the best other orientation, one that is mirrored or more than 20 degrees away: in the
+      correlation with the maria, or where only the shadow is seen in the share of the brightness that it explains.
     - `error`: standard error of the roll [rad]; pi if it is assumed.
     """
 
@@ -51,22 +53,22 @@ class Orientation:
 
 @dataclass(frozen=True)
 class Face:
-    """The Moon as seen, north up and east left to right: log albedo and distance from the shadow's axis [Moon radii], both
-    (north, east) on a grid over the square around the disc."""
+    """The Moon as seen, north up and east left to right: log albedo and distance from the shadow's axis [Moon
+    radii], both (north, east) on a grid over the square around the disc."""
 
     log_albedo: np.ndarray
     offset: np.ndarray
     axis: np.ndarray  # east and north of the shadow's axis from the disc's centre [Moon radii]
 
 
-def face(geometry: Geometry, moon: Moon) -> Face:
+def face(geometry: Geometry, moon: Moon, across: int = CELLS[0]) -> Face:
     """Albedo and shadow on the apparent disc; the map is smoothed to the size of a cell."""
     distance = float(jnp.linalg.norm(geometry.moon - geometry.observer))
     radius = np.tan(np.arcsin(MOON_RADIUS / distance))
     grid = radius * np.linspace(-1, 1, MAP)
     points = disc_points(geometry, jnp.asarray(grid[None, :]), jnp.asarray(grid[:, None]))
     albedo = np.asarray(moon.albedo(points.longitude, points.latitude))
-    smooth = ndimage.gaussian_filter(albedo, 0.4 * MAP / CELLS)
+    smooth = ndimage.gaussian_filter(albedo, 0.4 * MAP / across)
     unit = MOON_RADIUS / float(jnp.linalg.norm(geometry.moon))
     offset = np.asarray(axis_offset(geometry, points.position)) / unit
     slope = np.gradient(offset, 2 / (MAP - 1))
@@ -85,12 +87,12 @@ class Cells:
     good: np.ndarray
 
 
-def cells(photo: Photo, circle: Circle) -> Cells:
+def cells(photo: Photo, circle: Circle, across: int = CELLS[0]) -> Cells:
     """Means of the usable pixels; a cell is good where four fifths of its pixels are."""
     reach = circle.radius + 2
     top, left = (max(0, int(x - reach)) for x in (circle.row, circle.column))
     part = (slice(top, int(circle.row + reach) + 1), slice(left, int(circle.column + reach) + 1))
-    factor = max(1, int(circle.radius / (2 * CELLS)))
+    factor = max(1, int(circle.radius / (2 * across)))
     usable = photo.usable[part].astype(np.float32)
     light = photo.pixels[part] * usable
     light, usable = (np.stack([reduced(x[..., i], factor) for i in range(x.shape[-1])], -1) for x in (light, usable))
@@ -99,10 +101,10 @@ def cells(photo: Photo, circle: Circle) -> Cells:
     up = (circle.row - top - shift - row * factor) / circle.radius
     right = (column * factor + shift + left - circle.column) / circle.radius
     inside = np.hypot(up, right) < EDGE
-    number = (np.floor((up + 1) / 2 * CELLS) * CELLS + np.floor((right + 1) / 2 * CELLS))[inside].astype(int)
-    count = np.bincount(number, minlength=CELLS**2)
+    number = (np.floor((up + 1) / 2 * across) * across + np.floor((right + 1) / 2 * across))[inside].astype(int)
+    count = np.bincount(number, minlength=across**2)
     total, share, along, above = (
-        np.stack([np.bincount(number, x[inside][..., i], minlength=CELLS**2) for i in range(x.shape[-1])], -1)
+        np.stack([np.bincount(number, x[inside][..., i], minlength=across**2) for i in range(x.shape[-1])], -1)
         for x in (light, usable, right[..., None], up[..., None])
     )
     full = count > 0.5 * np.median(count[count > 0])
@@ -135,8 +137,8 @@ def freed(values: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Colour:
-    """One channel: places of its good cells, their log brightness, a basis of the smooth fields over them, and what they
-    leave of the brightness."""
+    """One channel: places of its good cells, their log brightness, a basis of the smooth fields over them, and what
+    they leave of the brightness."""
 
     places: Cells
     light: np.ndarray
@@ -177,7 +179,12 @@ def evidence(pairs: np.ndarray, elements: float) -> np.ndarray:
 
 def orientation(photo: Photo, circle: Circle, geometry: Geometry, moon: Moon) -> Orientation:
     """Roll and mirror state of a photograph whose disc is known, at an instant that is known to some minutes."""
-    here, there = cells(photo, circle), face(geometry, moon)
+    across = CELLS[0]
+    here = cells(photo, circle, across)
+    if here.good.sum(0).max() < 0.2 * across**2:
+        across = CELLS[1]
+        here = cells(photo, circle, across)
+    there = face(geometry, moon, across)
     colours = [Colour.of(here, i) for i, good in enumerate(here.good.T) if good.sum() >= LEAST_CELLS]
     if not colours:
         return Orientation(0.0, False, "assumed north up", 0.0, np.pi)
@@ -214,7 +221,9 @@ def orientation(photo: Photo, circle: Circle, geometry: Geometry, moon: Moon) ->
     pair = found.max(0)
     quality = pair[0] - maria[other].max() if seen else pair[1] - shadow[0][apart(rolls, roll)].max()
     source = "shadow" if not seen else "maria and shadow" if directed else "maria"
-    return Orientation(float(roll % (2 * np.pi)), mirror, source, float(np.clip(quality, 0, 1)), float(min(error, np.pi)))
+    return Orientation(
+        float(roll % (2 * np.pi)), mirror, source, float(np.clip(quality, 0, 1)), float(min(error, np.pi))
+    )
 
 
 def apart(rolls: np.ndarray, roll: float) -> np.ndarray:

@@ -121,9 +121,7 @@ def _identity(path: Path) -> tuple[str, bytes]:
     except PermissionError:
         raise InputError(f"{path} may not be read: check its permissions.") from None
     except (OSError, ValueError) as error:  # a name too long, a file as a folder, a null byte
-        raise InputError(
-            f"{str(path)!r} cannot be opened ({getattr(error, 'strerror', None) or error})."
-        ) from None
+        raise InputError(f"{str(path)!r} cannot be opened ({getattr(error, 'strerror', None) or error}).") from None
     if not head:
         raise InputError(f"{path} is empty: fetch the photograph again.")
     return sha256, head

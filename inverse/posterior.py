@@ -1,7 +1,7 @@
 """The posterior of the limb: an ensemble sampler over the few parameters that are not nearly linear.
 
-The nuisances of each photograph are marginalised to first order about the optimum: with J their Jacobian, J J' joins the covariance
-of the residuals. The sampler then sees only the atmosphere.
+The nuisances of each photograph are marginalised to first order about the optimum: with J their Jacobian, J J'
+joins the covariance of the residuals. The sampler then sees only the atmosphere.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from inverse import prior
-from inverse.likelihood import Likelihood
+from inverse.likelihood import Likelihood, shadow_light
 from inverse.map_estimate import Optimum
 from inverse.noise import Whitener, whitener
 
@@ -52,16 +51,20 @@ def limb_posterior(likelihood: Likelihood, optimum: Optimum, low_rank: list[np.n
 
     - `low_rank`: the smooth errors L of each photograph (datum, mode), as given to `noise.whitener`.
     """
-    size = len(prior.ATMOSPHERE)
-    z = jnp.asarray(optimum.z)
-    slopes = eqx.filter_jit(jax.jacfwd(lambda n: likelihood.misfits(jnp.concatenate([z[:size], n]))))(z[size:])
+    limb, *nuisances = likelihood.split(jnp.asarray(optimum.z))
+    table = shadow_light(likelihood.shadow, limb)
     whiteners, shifts = [], []
-    for slope, smooth, old in zip(slopes, low_rank, likelihood.whiteners, strict=True):
-        slope = -np.asarray(slope)  # of the model
-        used = np.any(slope != 0.0, axis=0)
-        whiteners.append(whitener(np.asarray(old.sigma), np.concatenate([smooth, slope[:, used]], axis=1)))
-        shifts.append(jnp.asarray(slope @ np.asarray(z[size:])))
-    return LimbPosterior(likelihood, z[size:], tuple(shifts), tuple(whiteners))
+    for i, (model, nuisance, old) in enumerate(zip(likelihood.models, nuisances, likelihood.whiteners, strict=True)):
+        slope = np.asarray(likelihood.usable[i])[:, None] * np.asarray(_slopes(model, table, nuisance))
+        whiteners.append(whitener(np.asarray(old.sigma), np.concatenate([low_rank[i], slope], axis=1)))
+        shifts.append(jnp.asarray(slope @ np.asarray(nuisance)))
+    return LimbPosterior(likelihood, jnp.concatenate(nuisances), tuple(shifts), tuple(whiteners))
+
+
+@eqx.filter_jit
+def _slopes(model, table, nuisance):
+    """Derivatives of a photograph's log values by its nuisances (datum, nuisance)."""
+    return jax.jacfwd(lambda nuisance: model(table, nuisance).ravel())(nuisance)
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,12 @@ def sample(posterior, centre, covariance, *, steps: int, seed: int, report=lambd
             if converged:
                 break
     time = sampler.get_autocorr_time(tol=0)
-    burn = int(min(2 * np.nanmax(time), sampler.iteration // 2)) if np.all(np.isfinite(time)) else sampler.iteration // 2
+    burn = (
+        int(min(2 * np.nanmax(time), sampler.iteration // 2)) if np.all(np.isfinite(time)) else sampler.iteration // 2
+    )
     return Chain(
-        sampler.get_chain(discard=burn),
-        sampler.get_log_prob(discard=burn),
+        np.asarray(sampler.get_chain(discard=burn)),
+        np.asarray(sampler.get_log_prob(discard=burn)),
         np.where(np.isfinite(time), time, sampler.iteration),
         converged,
         float(np.mean(sampler.acceptance_fraction)),

@@ -1,7 +1,8 @@
 """What is free in a fit, and what is believed of it before the photograph is seen.
 
-Every quantity is a smooth, increasing function of a standard normal z, so that bounds need no clipping, all parameters have the same
-scale (the damping of Levenberg-Marquardt is not scaled for us), and the prior is one residual, z itself.
+Every quantity is a smooth, increasing function of a standard normal z, so that bounds need no clipping, all
+parameters have the same scale (the damping of Levenberg-Marquardt is not scaled for us), and the prior is one
+residual, z itself.
 """
 
 from typing import NamedTuple
@@ -41,7 +42,8 @@ class Parameter(NamedTuple):
 
     def slope(self, z):
         """Derivative of `value` by z."""
-        return jax.grad(self.value)(jnp.asarray(z, dtype=float))
+        value = self.value(z)
+        return self.width * {"normal": 1.0, "lognormal": value, "logitnormal": value * (1.0 - value)}[self.shape]
 
 
 # The limb. Shared by all photographs of one eclipse.

@@ -45,8 +45,8 @@ class PhotoFit:
     - `observed`, `predicted`: decoded pixel values [full scale] (cell, 3).
     - `albedo`: relative surface brightness that the model gives the cell (cell,).
     - `band68`: 16 and 84 % of the posterior of `predicted` (2, cell, 3).
-    - `image`, `model_image`: the same square around the disc, decoded [full scale] (row, column, 3), up to `reach` radii from
-      the centre; NaN outside the frame. None for a profile.
+    - `image`, `model_image`: the same square around the disc, decoded [full scale] (row, column, 3), up to `reach`
+      radii from the centre; NaN outside the frame. None for a profile.
     """
 
     name: str
@@ -74,9 +74,10 @@ class PhotoFit:
 class Fit:
     """The atmosphere that coloured one eclipse.
 
-    - `estimates`: by name: the limb, what follows from it, and the nuisances (their names begin with the photograph's number).
-    - `draws`: posterior draws of the limb's quantities by name, (chain, draw); from Laplace's Gaussian where nothing was
-      sampled. `prior_draws`: the same from the prior, (draw,).
+    - `estimates`: by name: the limb, what follows from it, and the nuisances (their names begin with the
+      photograph's number).
+    - `draws`: posterior draws of the limb's quantities by name, (chain, draw); from Laplace's Gaussian where
+      nothing was sampled. `prior_draws`: the same from the prior, (draw,).
     """
 
     estimates: dict[str, Estimate]
@@ -91,7 +92,8 @@ class Fit:
     def summary(self) -> str:
         """A table of the limb's quantities with intervals."""
         lines = [
-            f"{'':32}{'unit':>8}{'MAP':>12}{'sd':>11}{'median':>12}{'68 %':>25}{'95 %':>25}{'informed':>10}{'ESS':>8}{'tau':>7}"
+            f"{'':32}{'unit':>8}{'MAP':>12}{'sd':>11}{'median':>12}{'68 %':>25}{'95 %':>25}"
+            f"{'informed':>10}{'ESS':>8}{'tau':>7}"
         ]
         for estimate in self.estimates.values():
             if estimate.name not in self.draws:
@@ -100,7 +102,8 @@ class Fit:
             tau = "" if estimate.autocorrelation_time is None else f"{estimate.autocorrelation_time:.0f}"
             lines.append(
                 f"{estimate.name:32}{estimate.unit:>8}{estimate.map:12.4g}{estimate.sd:11.3g}{estimate.median:12.4g}"
-                f"{_interval(estimate.ci68):>25}{_interval(estimate.ci95):>25}{100 * estimate.informed:9.0f}%{ess:>8}{tau:>7}"
+                f"{_interval(estimate.ci68):>25}{_interval(estimate.ci95):>25}"
+                f"{100 * estimate.informed:9.0f}%{ess:>8}{tau:>7}"
             )
         return "\n".join(lines)
 
@@ -116,15 +119,17 @@ class Fit:
     def posterior(self):
         """The draws as arviz InferenceData, with those of the prior beside them."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # arviz announces its successor once a day
+            # arviz announces its successor once a day, and takes more walkers than steps for a mistake.
+            warnings.simplefilter("ignore", FutureWarning)
+            warnings.filterwarnings("ignore", message="More chains")
             import arviz
 
-        return arviz.from_dict(
-            posterior=self.draws,
-            prior={name: values[None] for name, values in self.prior_draws.items()},
-            sample_stats=None if self.log_posterior is None else {"lp": self.log_posterior},
-            attrs={key: str(value) for key, value in self.provenance.items()},
-        )
+            return arviz.from_dict(
+                posterior=self.draws,
+                prior={name: values[None] for name, values in self.prior_draws.items()},
+                sample_stats=None if self.log_posterior is None else {"lp": self.log_posterior},
+                attrs={key: str(value) for key, value in self.provenance.items()},
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """What `fit.json` holds."""
@@ -134,7 +139,9 @@ class Fit:
                 for name, estimate in self.estimates.items()
             },
             "registration": [
-                None if photo.registration is None else {"photo": photo.name, "utc": photo.utc, **asdict(photo.registration)}
+                None
+                if photo.registration is None
+                else {"photo": photo.name, "utc": photo.utc, **asdict(photo.registration)}
                 for photo in self.photos
             ],
             "diagnostics": self.diagnostics,
@@ -154,7 +161,9 @@ class Fit:
             self.posterior.to_netcdf(str(written[1]))
             return written + write_pictures(self, folder)
         except OSError as error:
-            raise InputError(f"The report cannot be written to {folder}: {error.strerror or error}; give --out a folder.") from None
+            raise InputError(
+                f"The report cannot be written to {folder}: {error.strerror or error}; give --out a folder."
+            ) from None
 
 
 def _interval(ends: tuple[float, float]) -> str:

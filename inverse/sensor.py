@@ -38,15 +38,11 @@ def fits(path: Path) -> Decoded:
         while len(shape) > 2 and shape[0] == 1:
             shape = shape[1:]
         if len(shape) != 2 and (len(shape) != 3 or shape[0] != 3):
-            raise InputError(
-                f"{path} holds an array of shape {shape}; (row, column) or (3, row, column) is needed."
-            )
+            raise InputError(f"{path} holds an array of shape {shape}; (row, column) or (3, row, column) is needed.")
         check_size(path, *shape[-2:])
         if "BAYERPAT" in header and len(shape) == 2:
             # Which row the pattern counts from differs between programs; a wrong guess swaps the colours.
-            raise InputError(
-                f"{path} is a colour mosaic that was not debayered (BAYERPAT): debayer it first."
-            )
+            raise InputError(f"{path} is a colour mosaic that was not debayered (BAYERPAT): debayer it first.")
         data = np.asarray(unit.data).reshape(shape)
         primary: Any = units[0]
         known = dict(primary.header) | dict(header)
@@ -100,15 +96,11 @@ def camera_raw(path: Path) -> Decoded:
             stated = np.array(raw.camera_white_level_per_channel, dtype=np.float32)
             clip = np.where(stated > black, np.minimum(stated, white), white)
         top, left = sizes.top_margin, sizes.left_margin
-        colours = np.array(
-            [[raw.raw_color(top + i, left + j) for j in range(12)] for i in range(12 * mosaic)]
-        )
+        colours = np.array([[raw.raw_color(top + i, left + j) for j in range(12)] for i in range(12 * mosaic)])
     if mosaic:
         regular = (colours == np.tile(colours[:2, :2], (6, 6))).all()
         if not regular or {letters[colour] for colour in colours.flat} != set("RGB"):
-            raise InputError(
-                f"{path} is not a mosaic of 2 x 2 red, green, blue: convert it to a 16-bit TIFF."
-            )
+            raise InputError(f"{path} is not a mosaic of 2 x 2 red, green, blue: convert it to a 16-bit TIFF.")
         planes = [(sensor[i::2, j::2], int(colours[i, j])) for i in (0, 1) for j in (0, 1)]
     else:  # demosaiced already: LinearRaw DNG
         planes = [(sensor[..., colour], colour) for colour in range(3)]
@@ -136,9 +128,7 @@ def camera_raw(path: Path) -> Decoded:
         orientation=1,  # LibRaw's flip is the same tag, read for every maker
     )
     values, saturated, clipped = (_flipped(array, sizes.flip) for array in (values, saturated, clipped))
-    return Decoded(
-        values, given, "RAW", "linear", step=step, averaged=averaged, saturated=saturated, clipped=clipped
-    )
+    return Decoded(values, given, "RAW", "linear", step=step, averaged=averaged, saturated=saturated, clipped=clipped)
 
 
 def _flipped(array: np.ndarray, flip: int) -> np.ndarray:

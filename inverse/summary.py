@@ -12,9 +12,9 @@ from eclipsejax.scene import axis_offset
 from inverse import prior
 from inverse.likelihood import Disc, Likelihood, PhotoModel, shadow_light, signal, wings_at
 from inverse.map_estimate import Optimum
+from inverse.posterior import TIMES_AUTOCORRELATION
 from inverse.result import Estimate, PhotoFit
 
-LEVELS = (0.16, 0.84), (0.025, 0.975)
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
 PICTURE = 240  # pixels along a side of the pictures in a report
 NOT_INFORMED = 0.5  # share of the prior's variance taken away, below which a quantity is the prior's
@@ -29,19 +29,25 @@ def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chai
     found, named, named_prior = {}, {}, {}
     sd_z = np.sqrt(np.diag(optimum.covariance))
     limb = len(prior.ATMOSPHERE)
-    ess = [None] * limb if chain is None else chain.effective_samples
-    tau = [None] * limb if chain is None else chain.autocorrelation_time
+    ess = None if chain is None else chain.effective_samples
+    tau = None if chain is None else chain.autocorrelation_time
 
     def add(name, unit, function, z_map, sd, samples, before, index):
         values, priors = np.asarray(function(samples)), np.asarray(function(before))
         informed = max(0.0, 1.0 - float(np.var(samples[..., index]) / np.var(before[..., index])))
-        quantiles = [tuple(float(q) for q in np.quantile(values, level)) for level in LEVELS]
         found[name] = Estimate(
-            name, unit, float(function(z_map[None])[0]), float(sd), float(np.median(values)), *quantiles,
-            tuple(float(q) for q in np.quantile(priors, LEVELS[1])), informed,
-            None if ess[index] is None else float(ess[index]),
-            None if tau[index] is None else float(tau[index]),
-        )  # fmt: skip
+            name=name,
+            unit=unit,
+            map=float(function(z_map[None])[0]),
+            sd=float(sd),
+            median=float(np.median(values)),
+            ci68=_interval(values, 0.68),
+            ci95=_interval(values, 0.95),
+            prior_ci95=_interval(priors, 0.95),
+            informed=informed,
+            ess=None if ess is None else float(ess[index]),
+            autocorrelation_time=None if tau is None else float(tau[index]),
+        )
         named[name], named_prior[name] = values, priors
 
     z_limb = optimum.z[:limb]
@@ -66,14 +72,26 @@ def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chai
         for offset, parameter in enumerate(model.parameters):
             index = start + offset
             z, sd = float(optimum.z[index]), float(sd_z[index])
-            ends = [tuple(float(parameter.value(z + k * sd)) for k in (-n, n)) for n in (1.0, 1.96)]
             value, name = float(parameter.value(z)), f"{number}.{parameter.name}"
             found[name] = Estimate(
-                name, parameter.unit, value, abs(float(parameter.slope(z))) * sd, value, *ends,
-                tuple(float(parameter.value(k)) for k in (-1.96, 1.96)), max(0.0, 1.0 - sd**2),
-            )  # fmt: skip
+                name=name,
+                unit=parameter.unit,
+                map=value,
+                sd=abs(float(parameter.slope(z))) * sd,
+                median=value,
+                ci68=(float(parameter.value(z - sd)), float(parameter.value(z + sd))),
+                ci95=(float(parameter.value(z - 1.96 * sd)), float(parameter.value(z + 1.96 * sd))),
+                prior_ci95=(float(parameter.value(-1.96)), float(parameter.value(1.96))),
+                informed=max(0.0, 1.0 - sd**2),
+            )
         start += len(model.parameters)
     return found, named, named_prior
+
+
+def _interval(values, level: float) -> tuple[float, float]:
+    """Central interval that holds a share of the values."""
+    low, high = np.quantile(values, (0.5 - level / 2, 0.5 + level / 2))
+    return float(low), float(high)
 
 
 def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
@@ -159,14 +177,15 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
     if diagnostics["error_inflation"] > DISTRUSTED_INFLATION:
         sentences.append(
-            f"The best model misses the photograph by {diagnostics['error_inflation']:.1f} times the errors assumed: it does not "
-            "explain it, and the intervals were widened by as much."
+            f"The best model misses the photograph by {diagnostics['error_inflation']:.1f} times the errors assumed: "
+            "it does not explain it, and the intervals were widened by as much."
         )
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(
-            f"The sampler was stopped after {sampler['steps']} steps, fewer than 50 autocorrelation times "
-            f"({sampler['longest_autocorrelation_time']:.0f}): intervals are good to some 10 %."
+            f"The sampler was stopped before its chain was {TIMES_AUTOCORRELATION} autocorrelation times long "
+            f"({sampler['steps']} steps were kept; the time is {sampler['longest_autocorrelation_time']:.0f} steps or "
+            "more): the intervals are rough, give more --draws."
         )
     dull = [
         name for name, estimate in found.items()
@@ -177,7 +196,8 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     depth = found["stratospheric_optical_depth"]
     if depth.ci95[0] < 1.5 * depth.prior_ci95[0]:
         sentences.append(
-            f"The dust is an upper limit: optical depth below {depth.ci95[1]:.2g} (97.5 %); its lower end is the prior's."
+            f"The dust is an upper limit: optical depth below {depth.ci95[1]:.2g} (97.5 %); "
+            "its lower end is the prior's."
         )
     return sentences
 
@@ -189,6 +209,7 @@ def provenance(evidence, seed: int) -> dict:
         "jax": version("jax"),
         "seed": seed,
         "photographs": [
-            {"name": Path(item.photo.path).name, "sha256": item.photo.sha256, "utc": item.where.utc} for item in evidence
+            {"name": Path(item.photo.path).name, "sha256": item.photo.sha256, "utc": item.where.utc}
+            for item in evidence
         ],
     }

@@ -61,9 +61,7 @@ def _sound(curve: Curve) -> Curve | None:
     ramp = np.linspace(0, 1, 257)
     with np.errstate(all="ignore"):
         light = curve(ramp)
-    if not (
-        np.isfinite(light).all() and (np.diff(light) >= 0).all() and -0.1 < light[0] < 0.2 < light[-1] < 1.2
-    ):
+    if not (np.isfinite(light).all() and (np.diff(light) >= 0).all() and -0.1 < light[0] < 0.2 < light[-1] < 1.2):
         return None
     return linear if np.abs(light - ramp).max() < 1e-3 else curve
 

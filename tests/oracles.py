@@ -245,7 +245,12 @@ def whole_sun(distance, darkening):
     sine_squared = (1.0 - mu**2) * (SOLAR_RADIUS / distance) ** 2
     brightness = np.polynomial.polynomial.polyval(mu, darkening)
     # sin(theta) d(theta) = (R / d)^2 mu d(mu) / cos(theta)
-    return 2.0 * np.pi * np.sum(0.5 * weight * brightness * mu / np.sqrt(1.0 - sine_squared)) * (SOLAR_RADIUS / distance) ** 2
+    return (
+        2.0
+        * np.pi
+        * np.sum(0.5 * weight * brightness * mu / np.sqrt(1.0 - sine_squared))
+        * (SOLAR_RADIUS / distance) ** 2
+    )
 
 
 def eclipsed_by_a_ball(offset, darkening, *, distance=3.844e8, sun_distance=AU):
@@ -262,7 +267,9 @@ def eclipsed_by_a_ball(offset, darkening, *, distance=3.844e8, sun_distance=AU):
 
     edges = [x for x in (abs(earth - separation), earth + separation) if 0.0 < x < sun]
     cuts = [0.0, *sorted(edges), sun]
-    light = sum(quad(ring, a, b, epsabs=0.0, epsrel=1e-10, limit=200)[0] for a, b in zip(cuts[:-1], cuts[1:], strict=True))
+    light = sum(
+        quad(ring, a, b, epsabs=0.0, epsrel=1e-10, limit=200)[0] for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+    )
     return light / whole_sun(apart, darkening)
 
 

@@ -22,9 +22,7 @@ ALPHA = 4.7e-6
 
 def limb(alpha: float = ALPHA) -> Atmosphere:
     """Standard surface temperature and pressure, dust of Yapo & Cutler's (2009) picture, usual clouds and haze."""
-    return Atmosphere(
-        dust=Dust(alpha), haze=Haze(0.1), clouds=Clouds(top=7e3, cover=0.95, width=4e3)
-    )
+    return Atmosphere(dust=Dust(alpha), haze=Haze(0.1), clouds=Clouds(top=7e3, cover=0.95, width=4e3))
 
 
 def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = None, quality: int = 92, seed: int = 1):

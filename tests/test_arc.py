@@ -92,7 +92,9 @@ def test_arcs_and_their_slopes_are_finite_at_every_tangency():
     pairs += [(o, np.nextafter(c, side)) for o, c in pairs for side in (0.0, 1.0)] + [(0.0, 0.0), (9e-3, 0.0)]
     offset, circle = jnp.asarray(pairs).T
     values = jax.jit(jax.vmap(lambda o, c: arc_moments(o, c, SUN, 8)))(offset, circle)
-    slopes = jax.jit(jax.vmap(jax.jacfwd(lambda o, c, s: arc_moments(o, c, s, 8), argnums=(0, 1, 2)), in_axes=(0, 0, None)))
+    slopes = jax.jit(
+        jax.vmap(jax.jacfwd(lambda o, c, s: arc_moments(o, c, s, 8), argnums=(0, 1, 2)), in_axes=(0, 0, None))
+    )
     assert np.all(np.isfinite(values))
     for slope in slopes(offset, circle, SUN):
         assert np.all(np.isfinite(slope))

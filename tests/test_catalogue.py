@@ -48,9 +48,7 @@ def test_rows_say_what_is_known_of_a_picture():
 def alone(tmp_path, monkeypatch):
     """A machine without photographs, and a catalogue whose licensed picture is the six bytes b"a moon"."""
     digest = hashlib.sha256(b"a moon").hexdigest()
-    rows = tuple(
-        replace(entry, sha256=digest) for entry in catalogue() if entry.file in (LICENSED, UNLICENSED)
-    )
+    rows = tuple(replace(entry, sha256=digest) for entry in catalogue() if entry.file in (LICENSED, UNLICENSED))
     monkeypatch.setattr(module, "catalogue", lambda: rows)
     monkeypatch.setattr(module, "_CHECKOUT", tmp_path / "work" / "checkout")
     monkeypatch.delenv("ECLIPSEJAX_PHOTOS", raising=False)
@@ -141,9 +139,7 @@ def test_pooch_itself_refuses_other_bytes(alone, monkeypatch, tmp_path):
 
     monkeypatch.setattr(pooch, "os_cache", lambda _: tmp_path / "cache")
     served = [b"a sun"]
-    monkeypatch.setattr(
-        pooch, "HTTPDownloader", lambda **_: lambda url, target, _: Path(target).write_bytes(served[0])
-    )
+    monkeypatch.setattr(pooch, "HTTPDownloader", lambda **_: lambda url, target, _: Path(target).write_bytes(served[0]))
     assert "another one" in refusal(LICENSED)
     served[0] = b"a moon"
     assert photograph(LICENSED).read_bytes() == b"a moon"

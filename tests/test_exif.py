@@ -137,9 +137,7 @@ def test_numbers_that_are_none(value):
 
 
 def test_zeros_of_a_telescope_are_none():
-    found = told(
-        {0x829A: IFDRational(1, 80), 0x829D: IFDRational(0, 1), 0x920A: IFDRational(0, 1), 0x8827: 200}
-    )
+    found = told({0x829A: IFDRational(1, 80), 0x829D: IFDRational(0, 1), 0x920A: IFDRational(0, 1), 0x8827: 200})
     assert (found.exposure_s, found.f_number, found.focal_length_mm, found.iso) == (1 / 80, None, None, 200)
 
 

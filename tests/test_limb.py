@@ -95,9 +95,9 @@ def test_the_other_quadrature_is_right_too(tangent):
         difference = refractivity - grazed if t > 0.05 else slope_there * t**2
         excess = t**2 * (1.0 + refractivity) + (oracles.RADIUS + tangent) * difference
         measure = 2.0 / np.sqrt(excess / t**2 * (excess + 2.0 * impact)) if t > 0 else 0.0
-        return -2.0 * impact * measure * slope / (1.0 + refractivity), 2.0 * measure * (
-            oracles.RADIUS + z
-        ) * (1.0 + refractivity) * float(limb.extinction(np.array(z)))
+        return -2.0 * impact * measure * slope / (1.0 + refractivity), 2.0 * measure * (oracles.RADIUS + z) * (
+            1.0 + refractivity
+        ) * float(limb.extinction(np.array(z)))
 
     ends = np.sqrt(np.maximum(limb.breaks() - tangent, 0.0))
     panels = [(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b > a]

@@ -105,9 +105,7 @@ def test_night_is_black_and_every_gradient_is_finite(law):
     moon = Moon(law=law)
     edge = [-1.0, -1e-3, 0.0, 1e-300, 1e-12, 1e-6, 2e-6, 1e-3, 1.0]
     mu0, mu = (jnp.asarray(a.ravel()) for a in np.meshgrid(edge, edge))
-    value_and_slopes = jax.jit(
-        jax.vmap(jax.value_and_grad(moon.reflectance, argnums=(0, 1, 2)), (0, 0, None))
-    )
+    value_and_slopes = jax.jit(jax.vmap(jax.value_and_grad(moon.reflectance, argnums=(0, 1, 2)), (0, 0, None)))
     value, slopes = value_and_slopes(mu0, mu, 0.01)
     night = (mu0 <= 0) | (mu <= 0)
     assert jnp.isfinite(value).all() and (value >= 0).all() and (value[night] == 0).all()

@@ -67,9 +67,7 @@ def tiff_lzw(values: np.ndarray) -> bytes:
     buffer.seek(0)
     with tifffile.TiffFile(buffer) as file:
         tags = file.pages.first.tags
-        offsets = {
-            name: tags[name].valueoffset for name in ("Compression", "StripByteCounts", "StripOffsets")
-        }
+        offsets = {name: tags[name].valueoffset for name in ("Compression", "StripByteCounts", "StripOffsets")}
     strip = lzw(values.astype("<u2").tobytes())
     data = bytearray(buffer.getvalue())
     struct.pack_into("<H", data, offsets["Compression"], 5)
@@ -105,9 +103,7 @@ def check_photo(photo: Photo, shape) -> None:
     assert photo.pixels.shape == photo.variance.shape == photo.usable.shape == photo.saturated.shape == shape
     assert photo.pixels.dtype == photo.variance.dtype == np.float32
     assert photo.usable.dtype == photo.saturated.dtype == bool
-    assert (
-        np.isfinite(photo.pixels).all() and (photo.variance > 0).all() and np.isfinite(photo.variance).all()
-    )
+    assert np.isfinite(photo.pixels).all() and (photo.variance > 0).all() and np.isfinite(photo.variance).all()
     assert not (photo.usable & photo.saturated).any()
 
 
@@ -172,9 +168,7 @@ def test_linear_tiff_comes_back_unchanged(write, dtype):
     scale = np.iinfo(dtype).max if dtype.startswith("u") else 1
     values = (truth * scale).astype(dtype)
     # 16 bits are sRGB by rule, the rest is linear by itself.
-    photo = read_photo(
-        write("ramp.tif", values, photometric="rgb"), linear=True if dtype == "uint16" else None
-    )
+    photo = read_photo(write("ramp.tif", values, photometric="rgb"), linear=True if dtype == "uint16" else None)
     check_photo(photo, truth.shape)
     assert photo.tone_curve == "linear"
     assert off(photo.pixels, truth) < (1e-3 if dtype == "float16" else 2e-5)
@@ -282,14 +276,10 @@ def _with_iso(iso: int) -> Image.Exif:
 def test_rounding_to_codes_has_the_stated_variance(write):
     truth = np.random.default_rng(0).uniform(0.01, 0.9, (200, 300, 3))
     # ISO 1: so many electrons that rounding is nearly all the noise.
-    photo = read_photo(
-        write("dither.png", np.round(encoded(truth) * 255).astype(np.uint8), exif=_with_iso(1))
-    )
+    photo = read_photo(write("dither.png", np.round(encoded(truth) * 255).astype(np.uint8), exif=_with_iso(1)))
     for low, high in ((0.01, 0.03), (0.03, 0.1), (0.1, 0.4), (0.4, 0.9)):
         here = (truth > low) & (truth < high)
-        assert np.mean((photo.pixels - truth)[here] ** 2) == pytest.approx(
-            photo.variance[here].mean(), rel=0.12
-        )
+        assert np.mean((photo.pixels - truth)[here] ** 2) == pytest.approx(photo.variance[here].mean(), rel=0.12)
 
 
 def test_photon_noise_of_a_simulated_sensor_has_the_stated_variance(write):
@@ -347,9 +337,7 @@ def test_reading_takes_little_memory(write):
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert (
-        peak < 50 * rows * columns
-    )  # 1.2 GB for 24 megapixels, besides Pillow's own copy of 4 bytes a pixel
+    assert peak < 50 * rows * columns  # 1.2 GB for 24 megapixels, besides Pillow's own copy of 4 bytes a pixel
 
 
 # Bad input

@@ -38,9 +38,7 @@ def test_observer_is_the_cie_s(colour):
 )
 def test_cameras_are_those_of_the_national_physical_laboratory(colour, name, full_name):
     sensitivity = colour.MSDS_CAMERA_SENSITIVITIES[full_name]
-    np.testing.assert_allclose(
-        responses(name, sensitivity.wavelengths), np.maximum(sensitivity.values, 0.0), atol=1e-6
-    )
+    np.testing.assert_allclose(responses(name, sensitivity.wavelengths), np.maximum(sensitivity.values, 0.0), atol=1e-6)
 
 
 def test_other_responses_come_from_colour_science(colour):

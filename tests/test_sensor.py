@@ -161,9 +161,7 @@ def test_grey_and_colour_fits(tmp_path, colours):
     cube = np.moveaxis(colours, -1, 0).astype(np.float32)
     photo = read_photo(write_fits(tmp_path / "moon.fits", cube, ROWORDER="TOP-DOWN"))
     assert off(photo.pixels, colours) < 1e-6 and photo.format == "FITS"
-    photo = read_photo(
-        write_fits(tmp_path / "moon.fits", cube[1], DATE_OBS="2022-05-16T04:06:00", EXPTIME=0.5)
-    )
+    photo = read_photo(write_fits(tmp_path / "moon.fits", cube[1], DATE_OBS="2022-05-16T04:06:00", EXPTIME=0.5))
     assert off(photo.pixels, np.repeat(colours[::-1, :, 1:2], 3, axis=2)) < 1e-6
     assert (photo.time, photo.exposure_s, photo.tone_curve) == ("2022-05-16T04:06:00Z", 0.5, "linear")
 

@@ -56,9 +56,7 @@ def test_ozone_air_mass_is_a_thin_shell():
 
 def test_vertical_rayleigh_depth_is_bodhaine_s():
     # Bodhaine et al. 1999 eq. 30 (sea level, latitude 45).
-    depth = -np.log(
-        transmission(np.array([400.0, 550.0, 700.0]), np.pi / 2, aerosol_optical_depth=0.0, ozone_du=0.0)
-    )
+    depth = -np.log(transmission(np.array([400.0, 550.0, 700.0]), np.pi / 2, aerosol_optical_depth=0.0, ozone_du=0.0))
     np.testing.assert_allclose(depth, [0.36021, 0.09707, 0.03642], rtol=2e-3)
 
 
@@ -124,9 +122,7 @@ def test_gradients_of_every_parameter_agree_with_central_differences():
     names = ("pressure", "aerosol_optical_depth", "angstrom", "ozone_du", "height")
     values = np.array([1e5, 0.2, 1.1, 320.0, 800.0])
     wavelength = jnp.array([480.0, 600.0])
-    log = jax.jit(
-        lambda p: jnp.log(Sky(**dict(zip(names, p, strict=True))).transmission(wavelength, 0.2)).sum()
-    )
+    log = jax.jit(lambda p: jnp.log(Sky(**dict(zip(names, p, strict=True))).transmission(wavelength, 0.2)).sum())
     slopes = jax.jit(jax.grad(log))(values)
     for i, value in enumerate(values):
         step = np.eye(5)[i] * 1e-5 * value

@@ -32,9 +32,7 @@ def icc(curve: bytes, primaries=P3_TO_D50, space=b"RGB ") -> bytes:
 
 
 def parametric(kind: int, *numbers: float) -> bytes:
-    return struct.pack(
-        f">4s4xH2x{len(numbers)}i", b"para", kind, *(round(65536 * number) for number in numbers)
-    )
+    return struct.pack(f">4s4xH2x{len(numbers)}i", b"para", kind, *(round(65536 * number) for number in numbers))
 
 
 SRGB = parametric(3, 2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
@@ -73,9 +71,7 @@ def test_display_p3_turns_the_red_of_srgb_as_littlecms_does():
         (struct.pack(">4s4xIH", b"curv", 1, round(2.2 * 256)), RAMP ** (round(2.2 * 256) / 256)),
         (struct.pack(">4s4xI", b"curv", 0), RAMP),
         (
-            struct.pack(
-                ">4s4xI1024H", b"curv", 1024, *np.linspace(0, 1, 1024).__pow__(2).__mul__(65535).astype(int)
-            ),
+            struct.pack(">4s4xI1024H", b"curv", 1024, *np.linspace(0, 1, 1024).__pow__(2).__mul__(65535).astype(int)),
             RAMP**2,
         ),
         (parametric(0, 1.8), RAMP**1.8),

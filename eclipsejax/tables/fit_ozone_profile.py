@@ -21,9 +21,7 @@ def main() -> None:
     density = density / 1e18
     weight = np.sqrt(np.gradient(altitude_km)) / (0.01 + 0.03 * density)
     start = np.array([1.3, 21, 1.2, 0.5, 30, 1.8, -0.5, 0, 1.8, -1, 12, 0.5])
-    fit = least_squares(
-        lambda p: (gaussians(p, altitude_km) - density) * weight, start, loss="soft_l1", max_nfev=20000
-    )
+    fit = least_squares(lambda p: (gaussians(p, altitude_km) - density) * weight, start, loss="soft_l1", max_nfev=20000)
     error = gaussians(fit.x, altitude_km) - density
     for log_peak, centre, log_width in fit.x.reshape(-1, 3):
         print(f"({np.exp(log_peak):.4f}e18, {centre * 1e3:.1f}, {np.exp(log_width) * 1e3:.1f}),")

@@ -1,0 +1,125 @@
+"""The whole path: a photograph on disk in, the atmosphere that was put into it out."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from inverse import cli
+from inverse.fit import fit_atmosphere
+from tests import synthetic
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A dusty eclipse, noisy, JPEG-compressed, rolled by 137 degrees, off centre."""
+    folder = tmp_path_factory.mktemp("fit")
+    path = synthetic.photograph(folder / "eclipse.jpg", synthetic.limb())
+    fit = fit_atmosphere(path, time=synthetic.UTC, site=synthetic.SITE, draws=3200, seed=3)
+    return fit, fit.save(folder / "out")
+
+
+def test_dust_is_recovered(fitted):
+    dust = fitted[0].estimates["dust.extinction"]
+    assert dust.ci95[0] < synthetic.ALPHA < dust.ci95[1]
+    assert dust.map == pytest.approx(synthetic.ALPHA, rel=0.25)
+    assert fitted[0].diagnostics["converged"]
+
+
+def test_alpha_comes_with_the_optical_depth_that_it_means(fitted):
+    fit = fitted[0]
+    alpha, depth = fit.estimates["dust.extinction"], fit.estimates["stratospheric_optical_depth"]
+    assert depth.median == pytest.approx(alpha.median * 10e3, rel=1e-6)
+    assert "optical depth" in fit.sentence()
+
+
+def test_registration_is_right(fitted):
+    registration = fitted[0].photos[0].registration
+    assert registration.row == pytest.approx(synthetic.CENTRE[0], abs=0.3)
+    assert registration.column == pytest.approx(synthetic.CENTRE[1], abs=0.3)
+    assert registration.radius == pytest.approx(synthetic.RADIUS, abs=0.3)
+    assert np.degrees(registration.roll) == pytest.approx(synthetic.ROLL, abs=1.0)
+    assert not registration.mirror
+
+
+def test_pressure_is_said_to_be_the_priors(fitted):
+    assert fitted[0].estimates["air.surface_pressure"].informed < 0.5
+    assert any("air.surface_pressure" in warning for warning in fitted[0].warnings)
+
+
+def test_report_holds_what_it_should(fitted):
+    names = {path.name for path in fitted[1]}
+    assert {"fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png"} <= names
+    for path in fitted[1]:
+        assert path.stat().st_size > 1000
+    report = json.loads(fitted[1][0].read_text())
+    dust = report["parameters"]["dust.extinction"]
+    assert set(dust) >= {"unit", "map", "sd", "median", "ci68", "ci95", "ess", "autocorrelation_time"}
+    assert {"registration", "diagnostics", "warnings", "provenance"} <= set(report)
+    assert report["provenance"]["seed"] == 3
+
+
+def landscape(path):
+    row, column = np.mgrid[:300, :400]
+    random = np.random.default_rng(0)
+    sky = np.stack([120 - 0.2 * row, 160 - 0.2 * row, 220 - 0.1 * row], axis=-1)
+    land = np.stack([80 + 20 * np.sin(column / 9), 110 + 20 * np.sin(column / 13), 50 + 0 * row], axis=-1)
+    pixels = np.where((row > 160 + 20 * np.sin(column / 60))[..., None], land, sky) + random.normal(0, 4, (300, 400, 3))
+    Image.fromarray(pixels.clip(0, 255).astype(np.uint8)).save(path)
+
+
+def saved(path, pixels):
+    Image.fromarray(pixels).save(path)
+
+
+BAD = {
+    "missing": (lambda path: None, "does not exist"),
+    "text": (lambda path: path.write_text("not a picture"), ""),
+    "one pixel": (lambda path: saved(path, np.full((1, 1, 3), 90, np.uint8)), "1 x 1"),
+    "black": (lambda path: saved(path, np.zeros((200, 200, 3), np.uint8)), "black"),
+    "landscape": (landscape, "disc"),
+    "directory": (lambda path: path.mkdir(), ""),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_a_bad_photograph_gets_one_sentence(tmp_path, capsys, kind):
+    make, expected = BAD[kind]
+    path = tmp_path / "photo.jpg"
+    make(path)
+    arguments = [str(path), "--time", "2022-05-16T04:06:00Z", "--out", str(tmp_path / "out")]
+    assert cli.main(arguments) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0 and said.startswith("fit_atmosphere: ") and expected in said
+
+
+def test_a_truncated_jpeg_gets_one_sentence(tmp_path, capsys):
+    path = tmp_path / "photo.jpg"
+    landscape(path)
+    path.write_bytes(path.read_bytes()[:3000])
+    assert cli.main([str(path), "--time", "2022-05-16T04:06:00Z", "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("time", "site", "expected"),
+    [
+        (None, "0,0", "--time"),
+        ("2022-06-16T04:06:00Z", "0,0", "2022-05-16"),  # names the nearest eclipse
+        ("2022-05-16T04:06:00Z", "35,139", "below the horizon"),  # Tokyo, in the afternoon
+        ("2022-05-16T04:06:00", "0,0", "zone"),
+    ],
+)
+def test_time_and_place_that_cannot_be_are_refused(tmp_path, capsys, time, site, expected):
+    path = tmp_path / "photo.png"
+    saved(path, np.full((100, 100, 3), 90, np.uint8))
+    arguments = [str(path), "--site", site, "--out", str(tmp_path / "out")] + (["--time", time] if time else [])
+    assert cli.main(arguments) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0 and expected in said
+
+
+def test_nothing_to_fit_is_refused(capsys):
+    assert cli.main([]) == 2
+    assert "--demo" in capsys.readouterr().err

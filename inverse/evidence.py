@@ -21,6 +21,9 @@ from inverse.registration import Registration, register
 FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
 
 
+LEAST_CELLS = 20  # of the disc; an overexposed crescent above a black umbra leaves some 40
+
+
 @dataclass(frozen=True)
 class Evidence:
     """One photograph or profile.
@@ -116,7 +119,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
     registration = register(photo, where, disc=disc)
     cells = bin_photo(photo, registration)
     seen = int((cells.usable.any(axis=1) & cells.on_disc).sum())
-    if seen < 100:
+    if seen < LEAST_CELLS:
         raise InputError(
             f"{photo.path} leaves only {seen} usable cells of the disc, the rest is over- or underexposed: "
             "take another exposure."

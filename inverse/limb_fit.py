@@ -279,10 +279,19 @@ def best_shift(
         value = q + 0.5 * t * (r - p + t * (2 * p - 5 * q + 4 * r - s + t * (3 * (q - r) + s - p)))
         return -value.sum() + (0.0 if prior is None else 0.5 * ((shift[2] - prior[0]) / prior[1]) ** 2)
 
+    # Far from the answer the rays all look like outliers and the cost is flat: least squares lead there.
+    starts, limb = [np.zeros(3)], np.flatnonzero(gain.max(1) > SIGNIFICANT)
+    if limb.size > 9:
+        edge, weight = places[log.argmax(1)][limb], np.ones(limb.size)
+        for _ in range(4):
+            fitted = np.linalg.lstsq(design[limb] * weight[:, None], edge * weight, rcond=None)[0]
+            weight = 1 / np.sqrt(1 + np.abs(edge - design[limb] @ fitted) / (scatter[limb] + spacing))
+        starts.append(fitted)
+    start = min(starts, key=cost)
     size = max(float(scatter.min()), spacing)
-    simplex = 3 * size * np.vstack([np.zeros(3), np.eye(3)])
+    simplex = start + 3 * size * np.vstack([np.zeros(3), np.eye(3)])
     options = {"initial_simplex": simplex, "xatol": 1e-3 * size, "fatol": 1e-3, "maxfev": 600}
-    shift = optimize.minimize(cost, np.zeros(3), method="Nelder-Mead", options=options).x
+    shift = optimize.minimize(cost, start, method="Nelder-Mead", options=options).x
     axes = size * np.eye(3)
     signs = [(i, j) for i in (1, -1) for j in (1, -1)]
     curvature = [[sum(i * j * cost(shift + i * a + j * b) for i, j in signs) for a in axes] for b in axes]

@@ -13,6 +13,7 @@ states are tried:
 
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from scipy import ndimage
@@ -61,16 +62,22 @@ class Face:
     axis: np.ndarray  # east and north of the shadow's axis from the disc's centre [Moon radii]
 
 
+@eqx.filter_jit
+def _surface(geometry: Geometry, moon: Moon, grid):
+    """Albedo and angle from the shadow's axis on a square grid of the sky; compiled whole, not operation by operation."""
+    points = disc_points(geometry, grid[None, :], grid[:, None])
+    return moon.albedo(points.longitude, points.latitude), axis_offset(geometry, points.position)
+
+
 def face(geometry: Geometry, moon: Moon, across: int = CELLS[0]) -> Face:
     """Albedo and shadow on the apparent disc; the map is smoothed to the size of a cell."""
     distance = float(jnp.linalg.norm(geometry.moon - geometry.observer))
     radius = np.tan(np.arcsin(MOON_RADIUS / distance))
     grid = radius * np.linspace(-1, 1, MAP)
-    points = disc_points(geometry, jnp.asarray(grid[None, :]), jnp.asarray(grid[:, None]))
-    albedo = np.asarray(moon.albedo(points.longitude, points.latitude))
+    albedo, offset = (np.asarray(field) for field in _surface(geometry, moon, jnp.asarray(grid)))
     smooth = ndimage.gaussian_filter(albedo, 0.4 * MAP / across)
     unit = MOON_RADIUS / float(jnp.linalg.norm(geometry.moon))
-    offset = np.asarray(axis_offset(geometry, points.position)) / unit
+    offset = offset / unit
     slope = np.gradient(offset, 2 / (MAP - 1))
     middle = MAP // 2
     towards = -np.array([slope[1][middle, middle], slope[0][middle, middle]])

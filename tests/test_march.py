@@ -4,9 +4,8 @@ import numpy as np
 
 from eclipsejax.atmosphere import Atmosphere, Haze
 from eclipsejax.constants import EARTH_RADIUS
-from eclipsejax.limb import bending_angle, optical_depth
 from eclipsejax.march import march_ray
-from tests.test_limb import Shells
+from tests.test_limb import Shells, rays
 
 TANGENTS = np.array([0.0, 3e3, 9e3, 15e3, 20e3, 30e3])
 
@@ -14,7 +13,7 @@ TANGENTS = np.array([0.0, 3e3, 9e3, 15e3, 20e3, 30e3])
 def test_marched_rays_converge_to_the_quadrature():
     # First order: a quarter of the step, a quarter of the error.
     atmosphere = Atmosphere(haze=Haze(optical_depth=0.1))
-    bending, depth = (np.asarray(f(atmosphere, TANGENTS, 550.0)) for f in (bending_angle, optical_depth))
+    bending, depth = rays(atmosphere, TANGENTS)
     errors = []
     for step in (4000.0, 1000.0, 250.0):
         marched = march_ray(atmosphere, TANGENTS, 550.0, step)

@@ -119,9 +119,9 @@ def chosen_disc(photo: Photo, disc: int | None, radius_hint: float | None) -> tu
     circles = [circle for circle in search(luminance) if circle.radius > SPECK and on_sky(luminance, circle)]
     if radius_hint is not None:
         circles = [circle for circle in circles if abs(circle.radius / radius_hint - 1) < 0.25]
-    discs = moons(photo, circles, radius_hint)
+    discs, refused = moons(photo, circles, radius_hint)
     if not discs:
-        for limb in spoilt_limbs(photo, luminance, circles):
+        for limb in spoilt_limbs(photo, luminance, refused):
             check_limb(name, limb)
         raise InputError(
             f"{name} shows no disc that could be the Moon: give a picture of it in focus, against a dark sky."
@@ -139,11 +139,12 @@ def chosen_disc(photo: Photo, disc: int | None, radius_hint: float | None) -> tu
     return limb.circle, limb
 
 
-def moons(photo: Photo, circles: list[Circle], radius_hint: float | None) -> list[Disc]:
-    """Those of the circles, best first, that are Moons, in reading order; with the limb of those that were looked at."""
+def moons(photo: Photo, circles: list[Circle], radius_hint: float | None) -> tuple[list[Disc], list[Disc]]:
+    """Those of the circles, best first, that are Moons, in reading order, and those that were looked at and are none."""
     found: list[Disc] = []
-    for number, circle in enumerate(circles):
-        if not found and number == PATIENCE:
+    refused: list[Disc] = []
+    for circle in circles:
+        if not found and len(refused) == PATIENCE:
             break
         alike = not found or (0.5 < circle.radius / found[0][0].radius < 2 and circle.coverage > 0.15)
         apart = all(circle.distance(other) > max(circle.radius, other.radius) for other, _ in found)
@@ -151,23 +152,25 @@ def moons(photo: Photo, circles: list[Circle], radius_hint: float | None) -> lis
             continue
         # Half a circle of edges on a dark sky is no accident; less may be, in a landscape.
         limb = limb_of(photo, circle, radius_hint) if not found or circle.coverage < 0.5 else None
-        if limb is None or is_limb(limb, circle):
-            found.append((circle if limb is None else replace(circle, radius=limb.circle.radius), limb))
+        if limb is None:
+            found.append((circle, None))
+        elif is_limb(limb, circle):
+            found.append((replace(circle, radius=limb.circle.radius), limb))
+        else:
+            refused.append((circle, limb))
     # In a composite all Moons are as large; a round cloud or a ghost in the lens is not, unless it is as clear a disc.
-    return reading_order(
-        [
-            (circle, limb)
-            for circle, limb in found
-            if abs(circle.radius / found[0][0].radius - 1) < 0.1 or circle.coverage > 0.6 * found[0][0].coverage
-        ]
-    )
+    moons = [
+        (circle, limb)
+        for circle, limb in found
+        if abs(circle.radius / found[0][0].radius - 1) < 0.1 or circle.coverage > 0.6 * found[0][0].coverage
+    ]
+    return reading_order(moons), refused
 
 
-def spoilt_limbs(photo: Photo, luminance: np.ndarray, circles: list[Circle]) -> Iterator[Limb]:
+def spoilt_limbs(photo: Photo, luminance: np.ndarray, refused: list[Disc]) -> Iterator[Limb]:
     """Limbs that are there, in a picture without one that can be used: too short, or too blurred to be seen as edges."""
-    for circle in circles[:PATIENCE]:
-        limb = limb_of(photo, circle, None)
-        if limb.fraction > 0.02 and limb.rms < max(0.01 * circle.radius, limb.blur):
+    for circle, limb in refused:
+        if limb is not None and limb.rms < max(0.01 * circle.radius, limb.blur) and not elsewhere(limb, circle):
             yield limb
     factor = max(4, max(luminance.shape) // 100)  # in so small a copy any blur is sharp
     if min(luminance.shape) > 8 * factor:
@@ -205,9 +208,14 @@ def is_limb(limb: Limb, circle: Circle) -> bool:
     """Whether what was found near a circle is the edge of a disc, and not a chance of many edges."""
     radius = limb.circle.radius
     scattered = limb.rms > 0.015 * radius and limb.rms > limb.blur
-    elsewhere = abs(radius / circle.radius - 1) > 0.2 or limb.circle.distance(circle) > 0.2 * circle.radius
     sure = max(limb.centre_error, limb.radius_error) < LARGEST_ERROR * radius
-    return bool(limb.fraction > LEAST_LIMB and sure and not scattered and not elsewhere)
+    return bool(limb.fraction > LEAST_LIMB and sure and not scattered and not elsewhere(limb, circle))
+
+
+def elsewhere(limb: Limb, circle: Circle) -> bool:
+    """Whether the fit left the circle that it began with."""
+    grown = abs(limb.circle.radius / circle.radius - 1) > 0.2
+    return grown or limb.circle.distance(circle) > 0.2 * circle.radius
 
 
 def check_limb(name: str, limb: Limb) -> None:

@@ -20,7 +20,7 @@ def ring(image: np.ndarray, circle: Circle, radii: tuple[float, float]) -> np.nd
 def on_sky(luminance: np.ndarray, circle: Circle) -> bool:
     """Whether what surrounds the circle is darker and smoother than what is in it, and the picture mostly dark."""
     outside, inside = ring(luminance, circle, SKY), ring(luminance, circle, DISC)
-    if outside.size < 200 or inside.size < 200:
+    if min(outside.size, inside.size) < 50:
         return False
     sky, moon = np.median(outside), np.percentile(inside, 95)
     smooth = np.percentile(outside, 90) - sky < 0.3 * (moon - sky)

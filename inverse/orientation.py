@@ -1,6 +1,6 @@
 """Which way up a photograph of the Moon is, from the maria and from the direction of the Earth's shadow.
 
-The brightness of the disc, in some two thousand cells and as a logarithm, is a smooth function of the distance from
+The brightness of the disc, in a thousand cells and as a logarithm, is a smooth function of the distance from
 the shadow's axis plus the logarithm of the albedo map. Both turn with the camera, so every roll and both mirror
 states are tried:
 
@@ -59,12 +59,11 @@ class Face:
 
     log_albedo: np.ndarray
     offset: np.ndarray
-    axis: np.ndarray  # east and north of the shadow's axis from the disc's centre [Moon radii]
 
 
 @eqx.filter_jit
 def _surface(geometry: Geometry, moon: Moon, grid):
-    """Albedo and angle from the shadow's axis on a square grid of the sky; compiled whole, not operation by operation."""
+    """Albedo and angle from the shadow's axis [rad] on a square grid of the sky; compiled whole, not step by step."""
     points = disc_points(geometry, grid[None, :], grid[:, None])
     return moon.albedo(points.longitude, points.latitude), axis_offset(geometry, points.position)
 
@@ -77,16 +76,12 @@ def face(geometry: Geometry, moon: Moon, across: int = CELLS[0]) -> Face:
     albedo, offset = (np.asarray(field) for field in _surface(geometry, moon, jnp.asarray(grid)))
     smooth = ndimage.gaussian_filter(albedo, 0.4 * MAP / across)
     unit = MOON_RADIUS / float(jnp.linalg.norm(geometry.moon))
-    offset = offset / unit
-    slope = np.gradient(offset, 2 / (MAP - 1))
-    middle = MAP // 2
-    towards = -np.array([slope[1][middle, middle], slope[0][middle, middle]])
-    return Face(np.log(smooth), offset, towards / max(np.hypot(*towards), 1e-9) * offset[middle, middle])
+    return Face(np.log(smooth), offset / unit)
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of the disc: place right of and above its centre [radii], log brightness (cell, channel), and which are usable."""
+    """Cells of the disc: right of and above its centre [radii], log brightness (cell, channel), which are usable."""
 
     right: np.ndarray
     up: np.ndarray
@@ -109,16 +104,20 @@ def cells(photo: Photo, circle: Circle, across: int = CELLS[0]) -> Cells:
     right = (column * factor + shift + left - circle.column) / circle.radius
     inside = np.hypot(up, right) < EDGE
     number = (np.floor((up + 1) / 2 * across) * across + np.floor((right + 1) / 2 * across))[inside].astype(int)
+
+    def sums(values):
+        """Of each cell, for each layer of values (row, column, layer)."""
+        layers = (layer[inside] for layer in np.moveaxis(values, -1, 0))
+        return np.stack([np.bincount(number, layer, minlength=across**2) for layer in layers], -1)
+
     count = np.bincount(number, minlength=across**2)
-    total, share, along, above = (
-        np.stack([np.bincount(number, x[inside][..., i], minlength=across**2) for i in range(x.shape[-1])], -1)
-        for x in (light, usable, right[..., None], up[..., None])
-    )
     full = count > 0.5 * np.median(count[count > 0])
-    total, share, count = total[full], share[full], count[full, None]
+    count = count[full, None]
+    total, share = sums(light)[full], sums(usable)[full]
+    place = sums(np.stack([right, up], -1))[full] / count
     good = (share > 0.8 * count) & (total > 0)
     log_light = np.log(np.where(good, total / np.maximum(share, 1e-9), 1.0))
-    return Cells(along[full, 0] / count[:, 0], above[full, 0] / count[:, 0], log_light, good)
+    return Cells(place[:, 0], place[:, 1], log_light, good)
 
 
 def turned(face_image: np.ndarray, here: Cells, roll: float, mirror: bool) -> np.ndarray:
@@ -131,7 +130,7 @@ def turned(face_image: np.ndarray, here: Cells, roll: float, mirror: bool) -> np
 
 
 def functions_of(offset: np.ndarray) -> np.ndarray:
-    """Functions (cell, 7) that span the smooth functions of the offset: 1, and a cubic spline with three inner knots."""
+    """Functions (cell, 7) that span the smooth functions of the offset: a cubic spline with three inner knots."""
     x = (offset - offset.min()) / max(float(np.ptp(offset)), 1e-9)
     return np.stack([x**k for k in range(4)] + [np.maximum(x - k, 0) ** 3 for k in (0.25, 0.5, 0.75)], -1)
 
@@ -161,7 +160,7 @@ class Colour:
 
 
 def match(colours: list[Colour], there: Face, roll: float, mirror: bool) -> tuple[float, float]:
-    """Correlation of maria and photograph, and share of the brightness that shadow and maria explain; means over channels."""
+    """Correlation of maria and photograph, share of the brightness that shadow and maria explain: means of channels."""
     maria, shadow = [], []
     for colour in colours:
         albedo, offset = (turned(image, colour.places, roll, mirror) for image in (there.log_albedo, there.offset))

@@ -140,7 +140,7 @@ def chosen_disc(photo: Photo, disc: int | None, radius_hint: float | None) -> tu
 
 
 def moons(photo: Photo, circles: list[Circle], radius_hint: float | None) -> tuple[list[Disc], list[Disc]]:
-    """Those of the circles, best first, that are Moons, in reading order, and those that were looked at and are none."""
+    """Those of the circles (best first) that are Moons, in reading order, and those that on a closer look are none."""
     found: list[Disc] = []
     refused: list[Disc] = []
     for circle in circles:
@@ -168,7 +168,7 @@ def moons(photo: Photo, circles: list[Circle], radius_hint: float | None) -> tup
 
 
 def spoilt_limbs(photo: Photo, luminance: np.ndarray, refused: list[Disc]) -> Iterator[Limb]:
-    """Limbs that are there, in a picture without one that can be used: too short, or too blurred to be seen as edges."""
+    """Limbs in a picture without one that can be used: they are too short, or too blurred to be seen as edges."""
     for circle, limb in refused:
         if limb is not None and limb.rms < max(0.01 * circle.radius, limb.blur) and not elsewhere(limb, circle):
             yield limb

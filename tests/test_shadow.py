@@ -50,11 +50,11 @@ def darkening(wavelength, sun=None):
 
 @pytest.fixture(scope="module")
 def expected():
-    """The slow integrals of all cases, good to 1e-8."""
+    """The slow integrals of all cases, good to 1e-7."""
     return {
         name: np.stack(
             [
-                oracles.irradiance(oracle(atmosphere, w), OFFSETS, darkening(w), distance=distance, rays=100, step=0.13)
+                oracles.irradiance(oracle(atmosphere, w), OFFSETS, darkening(w), distance=distance, rays=200, step=0.13)
                 for w in WAVELENGTHS
             ],
             axis=-1,
@@ -75,7 +75,7 @@ def test_the_slow_integrals_have_converged():
     offset = OFFSETS[[0, 3, 8]]
     coarse, fine = (
         oracles.irradiance(oracle(atmosphere, 550.0), offset, darkening(550.0), distance=distance, rays=rays, step=step)
-        for rays, step in ((100, 0.13), (250, 0.08))
+        for rays, step in ((200, 0.13), (350, 0.08))
     )
     np.testing.assert_allclose(coarse, fine, rtol=2e-8)
 

@@ -42,8 +42,8 @@ class Quadrature(NamedTuple):
     arc: int  # nodes on the arc inside the Sun
 
 
-# Measured against brute-force integration (tests/test_shadow.py), 390-770 nm, offsets 0-1.4 degrees, down to
-# irradiances of 1e-18: largest relative errors 4e-3, 6e-4, 4e-5 and 6e-7; and no worse over 60 random atmospheres.
+# Measured against brute-force integration (tests/test_shadow.py): 390-770 nm, offsets 0-1.4 degrees, light down to
+# 1e-18. Largest relative errors 4e-3, 6e-4, 4e-5 and 6e-7; no worse over 60 random atmospheres.
 QUADRATURES = {
     1e-2: Quadrature(ray=5, table=9, dispersion=2, shadow=10, arc=3),
     1e-3: Quadrature(ray=6, table=11, dispersion=3, shadow=12, arc=4),

@@ -4,7 +4,7 @@ import numpy as np
 
 from inverse.disc_search import Circle
 
-DISC, SKY = (0.0, 0.97), (1.08, 1.3)  # what counts as inside and outside [radii]
+DISC, RIM, SKY = (0.0, 0.97), (0.8, 0.97), (1.08, 1.3)  # what counts as inside, at the edge and outside [radii]
 
 
 def ring(image: np.ndarray, circle: Circle, radii: tuple[float, float]) -> np.ndarray:
@@ -19,7 +19,7 @@ def ring(image: np.ndarray, circle: Circle, radii: tuple[float, float]) -> np.nd
 
 def on_sky(luminance: np.ndarray, circle: Circle) -> bool:
     """Whether what surrounds the circle is darker and smoother than what is in it, and the picture mostly dark."""
-    outside, inside = ring(luminance, circle, SKY), ring(luminance, circle, DISC)
+    outside, inside = ring(luminance, circle, SKY), ring(luminance, circle, RIM)
     if min(outside.size, inside.size) < 50:
         return False
     sky, moon = np.median(outside), np.percentile(inside, 95)

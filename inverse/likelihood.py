@@ -138,8 +138,9 @@ def _channel_light_jvp(primals, tangents):
     """All derivatives by the few parameters of the limb at once, so that the Jacobian by many nuisances, whose
     tangents are zero here, costs no more."""
     (limb, shadow), (limb_dot, _) = primals, tangents
-    light = channel_light(limb, shadow)
-    slopes = jax.jacfwd(lambda limb: shadow.operator(prior.atmosphere(limb)) @ shadow.weights)(limb)
+    operated = lambda limb: shadow.operator(prior.atmosphere(limb)) @ shadow.weights
+    along = lambda direction: jax.jvp(operated, (limb,), (direction,))
+    light, slopes = jax.vmap(along, out_axes=(None, -1))(jnp.eye(limb.size))
     return light, slopes @ limb_dot
 
 

@@ -117,7 +117,9 @@ def summary(look: Look, circle: Circle) -> Limb:
     # Noise averages out along the limb; mountains, which stand in groups, do so far less.
     together = RANGE / look.rays.angle[1]
     mountains = (RELIEF * circle.radius) ** 2 * together * np.linalg.pinv(design[limb].T @ design[limb])
-    errors = np.sqrt(np.diag(excess**2 * look.covariance + mountains))
+    # Where the limb is overexposed, all of it may stand further out, or less, than allowed for.
+    white = 0.3 * look.blur * float(look.rays.overexposed[limb].mean()) if limb.any() else 0.0
+    errors = np.sqrt(np.diag(excess**2 * look.covariance + mountains) + white**2)
     return Limb(
         circle=circle,
         blur=look.blur,

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -47,11 +46,11 @@ def _residuals(z, likelihood):
 def _descend(likelihood, start):
     solver = optx.LevenbergMarquardt(rtol=RELATIVE, atol=ABSOLUTE)
     solution = optx.least_squares(_residuals, solver, start, args=likelihood, max_steps=MAX_STEPS, throw=False)
-    cost = jnp.sum(_residuals(solution.value, likelihood) ** 2)
-    # Once more at the optimum: here, where the compiler can share what the solver already needs.
-    jacobian = jax.jacfwd(_residuals)(solution.value, likelihood)
+    # What the solver knows of its last point, so that the shadow is compiled once: that is half the time of a fit.
+    last = solution.state.f_info
     successful = solution.result == optx.RESULTS.successful
-    return solution.value, cost, successful, solution.stats["num_steps"], jacobian
+    cost = jnp.sum(last.residual**2)
+    return solution.value, cost, successful, solution.stats["num_steps"], last.jac.as_matrix()
 
 
 def maximum(likelihood, starts, report=lambda done: None) -> Optimum:

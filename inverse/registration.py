@@ -209,7 +209,9 @@ def is_limb(limb: Limb, circle: Circle) -> bool:
     radius = limb.circle.radius
     scattered = limb.rms > 0.015 * radius and limb.rms > limb.blur
     sure = max(limb.centre_error, limb.radius_error) < LARGEST_ERROR * radius
-    return bool(limb.fraction > LEAST_LIMB and sure and not scattered and not elsewhere(limb, circle))
+    # Lamps along a street give edges that look like a circle from afar, of which little is left close by.
+    kept = limb.fraction > max(LEAST_LIMB, 0.5 * circle.coverage)
+    return bool(kept and sure and not scattered and not elsewhere(limb, circle))
 
 
 def elsewhere(limb: Limb, circle: Circle) -> bool:

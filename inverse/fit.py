@@ -7,6 +7,7 @@ from os import PathLike
 
 import numpy as np
 
+from eclipsejax.errors import InputError
 from inverse import prior
 from inverse.evidence import Evidence, gather, prepare
 from inverse.likelihood import Likelihood
@@ -53,10 +54,13 @@ def fit_atmosphere(
     - `draws`: from the posterior, at most; 0 for Laplace's approximation alone.
     - `seed`: of the sampler: the same seed gives the same chain.
     """
+    if draws < 0 or seed < 0:
+        raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
     started = clock.perf_counter()
     if isinstance(photographs, str | PathLike):
         photographs = [photographs]
     evidence = gather(photographs, time=time, site=site, disc=disc, progress=lambda *a: progress(Progress(*a)))
+    progress(Progress("fitting", 0, len(STARTS) + 1))
     likelihood, smooth = prepare(evidence)
     optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
     limb = slice(0, len(prior.ATMOSPHERE))

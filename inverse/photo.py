@@ -116,6 +116,8 @@ def _identity(path: Path) -> tuple[str, bytes]:
             head = file.read(32)
             file.seek(0)
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    except InputError:  # which is a ValueError
+        raise
     except FileNotFoundError:
         raise InputError(f"{path} does not exist: check the name of the photograph.") from None
     except PermissionError:

@@ -134,7 +134,8 @@ def sample(posterior, centre, covariance, *, steps: int, seed: int, report=lambd
             old = time
             if converged:
                 break
-    time = sampler.get_autocorr_time(tol=0)
+    with np.errstate(invalid="ignore"):  # a chain of one step has no variance
+        time = sampler.get_autocorr_time(tol=0)
     burn = (
         int(min(2 * np.nanmax(time), sampler.iteration // 2)) if np.all(np.isfinite(time)) else sampler.iteration // 2
     )

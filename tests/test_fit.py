@@ -79,7 +79,7 @@ BAD = {
     "one pixel": (lambda path: saved(path, np.full((1, 1, 3), 90, np.uint8)), "1 x 1"),
     "black": (lambda path: saved(path, np.zeros((200, 200, 3), np.uint8)), "black"),
     "landscape": (landscape, "disc"),
-    "directory": (lambda path: path.mkdir(), ""),
+    "directory": (lambda path: path.mkdir(), "photo.jpg is a folder: give"),
 }
 
 
@@ -118,6 +118,14 @@ def test_time_and_place_that_cannot_be_are_refused(tmp_path, capsys, time, site,
     assert cli.main(arguments) == 2
     said = capsys.readouterr().err.strip()
     assert said.count("\n") == 0 and expected in said
+
+
+@pytest.mark.parametrize("option", ["--draws", "--seed"])
+def test_negative_numbers_are_refused_before_the_work(tmp_path, capsys, option):
+    path = tmp_path / "photo.png"
+    saved(path, np.full((100, 100, 3), 90, np.uint8))
+    assert cli.main([str(path), "--time", "2022-05-16T04:06:00Z", "--out", str(tmp_path / "out"), option, "-5"]) == 2
+    assert "-5" in capsys.readouterr().err
 
 
 def test_nothing_to_fit_is_refused(capsys):

@@ -5,10 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 
+import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.errors import InputError
 from inverse import prior
+from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, maximum
@@ -18,6 +20,7 @@ from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
 STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
 DRAWS = 400  # from Laplace's Gaussian where nothing is sampled
+SHOWN = 60  # draws behind the bands of the plots
 
 
 @dataclass(frozen=True)
@@ -108,27 +111,28 @@ def conclude(
     seconds: float,
 ) -> Fit:
     """Put everything that was found into a `Fit`."""
-    random = np.random.default_rng(seed)
-    size = len(prior.ATMOSPHERE)
-    covariance = optimum.covariance
-    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
-    laplace = optimum.z + random.standard_normal((DRAWS, len(covariance))) @ factor.T
-    draws = laplace[None, :, :size] if chain is None else np.moveaxis(chain.z, 0, 1)  # (chain, draw, parameter)
+    random, size = np.random.default_rng(seed), len(prior.ATMOSPHERE)
+    if chain is None:
+        covariance = optimum.covariance[:size, :size]
+        factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
+        draws = (optimum.z[:size] + random.standard_normal((DRAWS, size)) @ factor.T)[None]
+    else:
+        draws = np.moveaxis(chain.z, 0, 1)  # (chain, draw, parameter)
     prior_draws = random.standard_normal((4000, size))
     found, named, named_prior = estimates(likelihood, optimum, draws, prior_draws, chain)
-    flat = draws.reshape(-1, size)
-    sampled = flat[random.integers(len(flat), size=60)]
-    nuisances = laplace[random.integers(DRAWS, size=60), size:]
-    photos = tuple(
-        photo_fit(evidence[i], likelihood, i, optimum.z, np.concatenate([sampled, nuisances], axis=1))
-        for i in range(len(evidence))
+    shown = random.choice(draws.reshape(-1, size), SHOWN)
+    normal = random.standard_normal((SHOWN, len(optimum.z) - size))
+    start = jnp.asarray(optimum.z[size:])
+    joint = np.array(
+        [with_nuisances(likelihood, jnp.asarray(z), start, jnp.asarray(n)) for z, n in zip(shown, normal, strict=True)]
     )
+    photos = tuple(photo_fit(item, likelihood, i, optimum.z, joint) for i, item in enumerate(evidence))
     diagnostics = {
         "converged": optimum.converged,
         "steps": optimum.steps,
         "costs_of_starts": optimum.costs,
         "error_inflation": inflation,
-        "condition_number": float(np.linalg.cond(covariance)),
+        "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],
         "sampler": None

@@ -20,10 +20,7 @@ TICKS = {  # decades at most, ticks in each
 
 
 def profile_plot(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
-    """Brightness with the surface's own divided out, and colour: the photograph's, and the model's with its band.
-
-    The band of a colour takes its two channels to err independently: it is too wide where they err together.
-    """
+    """Brightness with the surface's own divided out, and colour: the photograph's, and the model's with its band."""
     foot = footer(figure, remarks, 9.0, 8.5)
     tall = figure.get_figheight()
     grid = figure.add_gridspec(
@@ -31,15 +28,13 @@ def profile_plot(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
     )
     top = figure.add_subplot(grid[0])
     below = figure.add_subplot(grid[1], sharex=top)
-    observed, model, lower, upper = _logarithms(photo)
+    arrays = _logarithms(photo)
     offset = photo.offset / ARCMIN
     for channel, (name, colour) in enumerate(CHANNELS.items()):
-        columns = (array[:, channel] for array in (observed, model, lower, upper))
-        _curve(top, _binned(offset, *columns), colour, "o", name)
+        _curve(top, _binned(offset, *(array[..., channel] for array in arrays)), colour, "o", name)
     for name, (one, other, colour, marker) in RATIOS.items():
-        ratio, expected = (array[:, one] - array[:, other] for array in (observed, model))
-        down, up = (np.hypot(*((end - model)[:, [one, other]].T)) for end in (lower, upper))
-        _curve(below, _binned(offset, ratio, expected, expected - down, expected + up), colour, marker, name)
+        ratios = (array[..., one] - array[..., other] for array in arrays)
+        _curve(below, _binned(offset, *ratios), colour, marker, name)
     _scales(top, below)
     _edge(top, below, photo.utc)
     _keys(top, below)
@@ -58,28 +53,31 @@ def umbra_radius(utc: str) -> float | None:
 
 
 def _logarithms(photo: PhotoFit) -> tuple[np.ndarray, ...]:
-    """ln(light / surface) observed, predicted, and the ends of its band, (cell, 3); NaN where not usable."""
+    """ln(light / surface) observed, predicted (cell, 3) and drawn (draw, cell, 3); NaN where not usable."""
     usable = photo.usable & (photo.on_disc & (photo.albedo > 0))[:, None]
     usable &= (photo.observed > 0) & (photo.predicted > 0)
     surface = np.where(photo.albedo > 0, photo.albedo, 1.0)[:, None]
-    arrays = (photo.observed, photo.predicted, *photo.band68)
+    arrays = (photo.observed, photo.predicted, photo.drawn)
     return tuple(np.log(np.where(usable, np.maximum(array, 1e-12) / surface, np.nan)) for array in arrays)
 
 
-def _binned(offset, observed, model, lower, upper) -> np.ndarray:
-    """Medians in bins of an arcmin: offset, observed and its 16 and 84 %, model, lower, upper (7, bin), as ratios."""
+def _binned(offset, observed, model, drawn) -> np.ndarray:
+    """Medians in bins of an arcmin: offset, observed and its 16 and 84 %, model and its, (7, bin), as ratios."""
     good = np.isfinite(observed)
     number = np.floor(offset)
     columns = []
     for chosen in np.unique(number[good]):
         at = good & (number == chosen)
-        middles = [np.median(array[at]) for array in (model, lower, upper)]
-        columns.append([np.median(offset[at]), *np.exp([*np.quantile(observed[at], (0.5, 0.16, 0.84)), *middles])])
+        band = np.quantile(np.median(drawn[:, at], axis=1), (0.16, 0.84))
+        spread = np.quantile(observed[at], (0.5, 0.16, 0.84))
+        columns.append([np.median(offset[at]), *np.exp([*spread, np.median(model[at]), *band])])
     return np.array(columns).reshape(-1, 7).T
 
 
 def _curve(panel, binned: np.ndarray, colour: str, marker: str, name: str) -> None:
     offset, middle, low, high, model, lower, upper = binned
+    if not offset.size:
+        return
     panel.fill_between(offset, lower, upper, color=colour, alpha=0.25, linewidth=0)
     panel.plot(offset, model, color=colour, linewidth=1.4)
     spread = np.maximum([middle - low, high - middle], 0.0)
@@ -112,7 +110,8 @@ def _keys(top, below) -> None:
     points = top.errorbar([], [], yerr=[], fmt="o", color=KEY, markersize=3.5, linewidth=0.8)
     points.set_label("photograph, 68 % of its cells")
     top.legend(handles=[*lines, points, *line, area], fontsize=9, loc="best", framealpha=0.9)
-    below.legend(fontsize=9, loc="best", framealpha=0.9, title="bands: if channels err independently", title_fontsize=8)
+    if below.get_legend_handles_labels()[0]:
+        below.legend(fontsize=9, loc="best", framealpha=0.9)
 
 
 def _edge(top, below, utc: str) -> None:

@@ -44,7 +44,7 @@ class PhotoFit:
     - `offset`: of each cell from the shadow's axis [rad] (cell,); `on_disc`, `usable` (cell, 3).
     - `observed`, `predicted`: decoded pixel values [full scale] (cell, 3).
     - `albedo`: relative surface brightness that the model gives the cell (cell,).
-    - `band68`: 16 and 84 % of the posterior of `predicted` (2, cell, 3).
+    - `drawn`: `predicted` for draws from the posterior (draw, cell, 3).
     - `image`, `model_image`: the same square around the disc, decoded [full scale] (row, column, 3), up to `reach`
       radii from the centre; NaN outside the frame. None for a profile.
     """
@@ -58,7 +58,7 @@ class PhotoFit:
     observed: np.ndarray
     predicted: np.ndarray
     albedo: np.ndarray
-    band68: np.ndarray
+    drawn: np.ndarray
     image: np.ndarray | None = None
     model_image: np.ndarray | None = None
     reach: float = 1.3

@@ -104,14 +104,13 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
 
     predicted = at(model, z)
     drawn = np.stack([at(model, one) for one in draws])
-    band = np.quantile(drawn, (0.16, 0.84), axis=0)
     nuisance = prior.values(model.parameters, likelihood.split(jnp.asarray(z))[1 + number])
     if not isinstance(model, PhotoModel):
         profile = item.photo
         everywhere = np.ones(len(profile.value), dtype=bool)
         return PhotoFit(
             item.name, item.where.utc, None, np.asarray(profile.offset), everywhere, np.isfinite(profile.value),
-            np.asarray(profile.value), predicted, np.asarray(profile.surface), band,
+            np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn,
         )  # fmt: skip
 
     later, offset, albedo = _surface(model, nuisance)
@@ -139,7 +138,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         observed=cells.value,
         predicted=predicted,
         albedo=np.asarray(albedo),
-        band68=band,
+        drawn=drawn,
         image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),
         model_image=picture,
         reach=reach,

@@ -1,4 +1,3 @@
-"""Slow but for one: two depths of the Moon make the largest program of all to compile."""
 
 import equinox as eqx
 import jax
@@ -37,7 +36,6 @@ def spanned(centre):
     return jnp.asarray([max(centre - REACH, 0.0), centre + REACH])
 
 
-@pytest.mark.slow
 def test_table_holds_the_shadow_at_its_entries():
     table = table_of(Atmosphere.typical(), spanned(9e-3), jnp.eye(3))
     for distance in (DISTANCE - MOON_RADIUS, DISTANCE):
@@ -46,7 +44,6 @@ def test_table_holds_the_shadow_at_its_entries():
         np.testing.assert_allclose(found, irradiance(Atmosphere.typical(), offset, moon_distance=distance), rtol=1e-8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("centre", [0.0, 5e-3, 9e-3, 14e-3, 21e-3])
 @pytest.mark.parametrize("atmosphere", [Atmosphere(), Atmosphere.typical()], ids=["clear", "typical"])
 def test_shadow_between_the_entries(atmosphere, centre):
@@ -67,7 +64,6 @@ def test_shadow_between_the_entries(atmosphere, centre):
     assert np.max(error) < 0.08
 
 
-@pytest.mark.slow
 def test_channels_are_weighted_sums_of_the_spectrum():
     weights = jnp.asarray([[0.2, 0.0, 1.0], [0.5, 1.0, 0.0], [0.3, 0.0, 0.0]])
     offset, distance = jnp.asarray([10e-3, 11.9e-3, 14e-3]), jnp.asarray(DISTANCE)
@@ -84,7 +80,6 @@ def test_umbra_edge_is_where_a_ball_just_covers_the_sun():
     assert edge == pytest.approx(6.371e6 / DISTANCE + 6.371e6 / ASTRONOMICAL_UNIT - SUN, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_table_has_finite_slopes_on_the_axis_and_outside():
     table = table_of(Atmosphere.typical(), spanned(9e-3), jnp.eye(3))
     slope = jax.vmap(jax.jacfwd(table, argnums=(0, 1)), in_axes=(0, None))

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from eclipsejax.air import Air
 from eclipsejax.constants import ATMOSPHERE_TOP, DOBSON_UNIT
+from eclipsejax.sounding import Sounding
 from eclipsejax.spectra import ozone_cross_section
 from eclipsejax.traced import real
 
@@ -130,7 +131,7 @@ class Atmosphere(eqx.Module):
     `Atmosphere()` is clear standard air with ozone; `Atmosphere.typical()` the climatological limb.
     """
 
-    air: Air = eqx.field(default_factory=Air)
+    air: Air | Sounding = eqx.field(default_factory=Air)
     ozone: Ozone | None = eqx.field(default_factory=Ozone)
     dust: Dust | None = eqx.field(default_factory=Dust)
     haze: Haze | None = eqx.field(default_factory=Haze)
@@ -157,10 +158,9 @@ class Atmosphere(eqx.Module):
         return tuple(part for part in parts if part is not None)
 
     @property
-    def dense_breaks(self) -> Float[Array, " breaks"]:
-        """Of `breaks` those that matter to 1e-3 of the light: no clouds, and above 32 km, where the air bends by
-        less than 1', nothing but 50 km [m]."""
-        edges = [self.air.dense_breaks, jnp.asarray([50e3])]
+    def ray_breaks(self) -> Float[Array, " breaks"]:
+        """Altitudes where a profile is not smooth: all of `breaks` but the clouds' [m]."""
+        edges = [self.air.breaks]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))
         return _ascending(*edges)

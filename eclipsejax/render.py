@@ -1,18 +1,22 @@
-"""The picture: light of the shadow on the Moon, through the observer's air, into a camera."""
+"""The picture: light of the shadow on the Moon, through the observer's air, into a camera.
+
+What no atmosphere changes (where the pixels look, the surface there, the Sun's half of the shadow) is worked out once,
+in a `Renderer`; each atmosphere then costs the flux of its rays and a look into a table for every pixel.
+"""
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from eclipsejax.camera import blur, sky_plane
+from eclipsejax.camera import sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
 from eclipsejax.response import linear_from_xyz, responses
 from eclipsejax.scene import Scene, axis_offset, disc_points
-from eclipsejax.shadow import quadrature_for
-from eclipsejax.shadow_table import shadow_table
+from eclipsejax.shadow_table import Places, Tabulator, tabulator
 
 # The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
 FULL_MOON_PHASE = np.radians(1.5)
@@ -25,50 +29,69 @@ class Sampling(NamedTuple):
     wavelengths: int
 
 
-SAMPLINGS = {1e-2: Sampling(40, 24), 1e-3: Sampling(64, 40), 1e-4: Sampling(128, 80), 1e-6: Sampling(400, 200)}
+SAMPLINGS = {1e-2: Sampling(40, 24), 1e-3: Sampling(64, 40), 1e-4: Sampling(128, 80), 1e-5: Sampling(300, 200)}
+
+
+class Renderer(eqx.Module):
+    """A scene, ready for any atmosphere.
+
+    - `places`: in the table of the shadow, of what each sample shows.
+    - `reflectance`: its brightness in full sunlight, mean of the uneclipsed disc 1 [-]; 0 beside the disc.
+    """
+
+    tabulator: Tabulator
+    places: Places
+    reflectance: Float[Array, "..."]
+    response: str = eqx.field(static=True)
+
+    def __call__(self, atmosphere) -> Float[Array, "... channel"]:
+        """The picture in this atmosphere's shadow, as by `render`."""
+        light = self.tabulator(atmosphere).at(self.places) * self.reflectance[..., None]
+        return linear_from_xyz(light) if self.response == "srgb" else light
 
 
 def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array, "row column channel"]:
-    """Linear picture of a lunar eclipse, optics included, exposure not: see `camera.expose`.
+    """Linear picture of a lunar eclipse, before the camera's optics and exposure: see `camera.expose`.
 
     The unit is the mean of the uneclipsed disc (at the phase angle of 1.5 degrees) above the air, in luminance for
     the response "srgb" and in the green channel of a camera. "srgb" gives linear sRGB, which may be negative for
     colours outside its gamut.
 
-    - `tolerance`: relative error wanted of the irradiance; 1e-2, 1e-3, 1e-4 or 1e-6 are measured settings.
+    - `tolerance`: relative error wanted of the irradiance; 1e-2, 1e-3, 1e-4 and 1e-5 are measured settings.
     """
-    camera = scene.camera
-    row, column = jnp.meshgrid(*(jnp.arange(n, dtype=float) for n in camera.shape), indexing="ij")
-    light = surface_light(scene, atmosphere, *sky_plane(camera, row, column), tolerance=tolerance)
-    if camera.response == "srgb":
-        light = linear_from_xyz(light)
-    return blur(light, camera)
+    return renderer(scene, tolerance=tolerance)(atmosphere)
 
 
-def surface_light(scene: Scene, atmosphere, east, north, *, tolerance: float) -> Float[Array, "... channel"]:
-    """Radiance in the camera's channels (CIE XYZ for "srgb") in the directions given, 0 beside the Moon.
+def renderer(scene: Scene, *, tolerance: float = 1e-3) -> Renderer:
+    """Prepare a scene for many atmospheres; the arguments are those of `render`."""
+    row, column = jnp.meshgrid(*(jnp.arange(n, dtype=float) for n in scene.camera.shape), indexing="ij")
+    return renderer_at(scene, *sky_plane(scene.camera, row, column), tolerance=tolerance)
 
-    - `east`, `north`: angles from the disc's apparent centre [rad].
+
+def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
+    """As `renderer`, for directions instead of pixels.
+
+    - `east`, `north`: angles from the disc's apparent centre, any shape [rad].
     """
     nearest = min(SAMPLINGS, key=lambda known: abs(np.log(known / tolerance)))
     sampling = SAMPLINGS[nearest]
-    wavelength, weights = channel_weights(scene, sampling.wavelengths)
     geometry = scene.geometry
     points = disc_points(geometry, *unflattened(scene, east, north))
-    offset = axis_offset(geometry, points.position)
-    distance = jnp.linalg.norm(points.position, axis=-1)
-    table = shadow_table(
-        atmosphere,
+    prepared = tabulator(
         scene.sun,
         jnp.linalg.norm(geometry.moon),
         jnp.linalg.norm(geometry.sun),
         disc_offsets(geometry),
-        wavelength,
-        weights,
-        quadrature=quadrature_for(tolerance),
+        *channel_weights(scene, sampling.wavelengths),
+        tolerance=nearest,
         count=sampling.offsets,
     )
-    return table(offset, distance) * surface_reflectance(scene.moon, points)[..., None]
+    return Renderer(
+        tabulator=prepared,
+        places=prepared.grid.places(axis_offset(geometry, points.position), jnp.linalg.norm(points.position, axis=-1)),
+        reflectance=surface_reflectance(scene.moon, points),
+        response=scene.camera.response,
+    )
 
 
 def surface_reflectance(moon, points):

@@ -213,7 +213,7 @@ def test_every_public_name_is_there(package):
 
 def test_a_module_does_not_hide_the_function_of_its_name():
     program = (
-        "import eclipsejax.render, eclipsejax as ej; from eclipsejax.render import surface_light;"
+        "import eclipsejax.render, eclipsejax as ej; from eclipsejax.render import renderer_at;"
         "from eclipsejax import render; assert ej.render is render and callable(render)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

@@ -22,16 +22,18 @@ def test_table_of_one_distance_serves_the_depth_of_the_moon(utc, rms, largest):
     where = geometry(utc)
     shadow, limb = shadow_of([where]), jnp.zeros(len(prior.ATMOSPHERE))
     table = shadow_light(shadow, limb)
-    exact = eqx.filter_jit(lambda operator: operator(prior.atmosphere(limb)))
+    operator = eqx.filter_jit(shadow_operator)
+    exact = eqx.filter_jit(lambda operator: operator(prior.atmosphere(limb))[0])
+    grid, weights = shadow.tabulator.grid, shadow.tabulator.weights
     for depth in (0.0, 0.9):
         distance = jnp.linalg.norm(where.moon) - depth * MOON_RADIUS
-        entries = shadow.grid.offsets_at(distance)[2:-2]
+        entries = grid.offsets_at(distance)[2:-2]
         offset = entries[:-1] + 0.3 * jnp.diff(entries)  # between the entries of the table
-        far = jnp.full(offset.shape, distance)
-        operator = eqx.filter_jit(shadow_operator)(
-            Sun(), offset, far, jnp.linalg.norm(where.sun), shadow.operator.wavelength
+        here = operator(
+            Sun(), offset[None], distance[None], jnp.linalg.norm(where.sun), shadow.tabulator.operator.wavelength
         )
-        error = np.asarray(table(offset, far)) / np.asarray(exact(operator) @ shadow.weights) - 1
+        light = np.asarray(exact(here) @ weights)
+        error = np.asarray(table(offset, jnp.full(offset.shape, distance))) / light - 1
         assert np.sqrt(np.mean(error**2)) < rms
         assert np.abs(error).max() < largest
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eclipsejax.atmosphere import Atmosphere
-from eclipsejax.camera import Camera
+from eclipsejax.camera import Camera, signal
 from eclipsejax.render import channel_weights, disc_offsets, render
 from eclipsejax.response import display
 from eclipsejax.scene import Scene, axis_offset, disc_points
@@ -21,7 +21,7 @@ WEIGHTS = np.random.default_rng(3).uniform(0.5, 1.5, (16, 16, 3))
 def weighed(free, scene):
     """Weighted sum of the picture, and the picture."""
     atmosphere, camera = free
-    image = render(eqx.tree_at(lambda s: s.camera, scene, camera), atmosphere, tolerance=1e-2)
+    image = signal(render(eqx.tree_at(lambda s: s.camera, scene, camera), atmosphere, tolerance=1e-2), camera)
     return jnp.sum(WEIGHTS * image), image
 
 
@@ -99,7 +99,6 @@ def test_more_dust_makes_the_umbra_darker_and_redder(partial_scene, partial):
     assert np.all(sharp)
 
 
-@pytest.mark.slow
 def test_no_gradient_of_a_picture_is_undefined(partial_scene):
     gradient, image = sloped((Atmosphere.typical(), CAMERA), partial_scene)
     assert np.all(np.isfinite(image))
@@ -109,7 +108,6 @@ def test_no_gradient_of_a_picture_is_undefined(partial_scene):
         assert np.all(np.isfinite(leaf)), jax.tree_util.keystr(path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "name", "step"),
     [("dust", "extinction", 1e-7), ("air", "surface_temperature", 0.5), ("clouds", "top", 60.0)],

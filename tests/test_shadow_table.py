@@ -7,8 +7,7 @@ import pytest
 
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS
-from eclipsejax.shadow import quadrature_for
-from eclipsejax.shadow_table import shadow_table, umbra_edge
+from eclipsejax.shadow_table import tabulator, umbra_edge
 from eclipsejax.sun import Sun
 from tests.test_shadow import OFFSETS, SUN, WAVELENGTHS, irradiance
 
@@ -18,17 +17,16 @@ REACH = float(np.arcsin(MOON_RADIUS / (DISTANCE - MOON_RADIUS)))
 
 @eqx.filter_jit
 def table_of(atmosphere, offsets, weights):
-    return shadow_table(
-        atmosphere,
+    return tabulator(
         Sun(),
         jnp.asarray(DISTANCE),
         jnp.asarray(ASTRONOMICAL_UNIT),
         offsets,
         jnp.asarray(WAVELENGTHS),
         weights,
-        quadrature=quadrature_for(1e-4),
+        tolerance=1e-4,
         count=64,
-    )
+    )(atmosphere)
 
 
 def spanned(centre):
@@ -41,7 +39,7 @@ def test_table_holds_the_shadow_at_its_entries():
     for distance in (DISTANCE - MOON_RADIUS, DISTANCE):
         offset = np.asarray(table.grid.offsets_at(distance))[2:-2:7][: OFFSETS.size]
         found = table(jnp.asarray(offset), jnp.full(offset.shape, distance))
-        np.testing.assert_allclose(found, irradiance(Atmosphere.typical(), offset, moon_distance=distance), rtol=1e-8)
+        np.testing.assert_allclose(found, irradiance(Atmosphere.typical(), offset, moon_distance=distance), rtol=1e-4)
 
 
 @pytest.mark.parametrize("centre", [0.0, 5e-3, 9e-3, 14e-3, 21e-3])

@@ -1,0 +1,61 @@
+"""The Sun's arcs on cells of sky angle: the half of the shadow's integral that no air enters.
+
+The irradiance at one point is the integral of F(psi) A(|psi|) over the sky angle psi of the refracted rays: F is
+their flux per unit of angle, which knows the air but not where the Sun stands, and A the arc of the circle |psi|
+inside the Sun, which knows the Sun but not the air. A is smooth but for square roots where the circle touches the
+Sun's edge; so these angles, of all points, are edges of cells, and on every cell A is a combination of a few
+functions, square roots at either end among them. The integral is then a sum over cells of the combination's
+coefficients times the same moments of F, however rough F is: caustics need no care.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from eclipsejax.arc import arc_moments
+from eclipsejax.sunlight import clustered
+
+FUNCTIONS = 5
+_ARC_ORDER = 8
+_NODES = 10  # of a cell, to which the functions are fitted
+
+
+class SkyCells(eqx.Module):
+    """Cells of |psi|, ascending."""
+
+    edges: Float[Array, " edge"]
+    """[rad]"""
+
+    @property
+    def count(self) -> int:
+        """Number of cells."""
+        return self.edges.shape[0] - 1
+
+    @classmethod
+    def around(cls, offset: Float[Array, " offset"], sun_radius: Float[Array, ""], fill: int) -> "SkyCells":
+        """Cells over all |psi| at which the Sun is seen from points at these offsets [rad].
+
+        - `fill`: edges in addition to the touching ones, equally spaced.
+        """
+        touching = jnp.concatenate([jnp.abs(offset - sun_radius), offset + sun_radius])
+        lower = jnp.maximum(jnp.min(offset) - sun_radius, 0.0)
+        return cls(jnp.sort(jnp.concatenate([touching, jnp.linspace(lower, jnp.max(touching), fill)])))
+
+    def index(self, psi: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Number of the cell in which |psi| lies; -1 below the first, `count` above the last."""
+        return jnp.searchsorted(self.edges, jnp.abs(psi), side="right") - 1
+
+    def arcs(self, offset: Float[Array, ""], sun_radius: Float[Array, ""]) -> Float[Array, "cell function power"]:
+        """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`."""
+        node, weight = clustered(_NODES)
+        lower, upper = self.edges[:-1, None], self.edges[1:, None]
+        moments = arc_moments(offset, lower + (upper - lower) * node, sun_radius, _ARC_ORDER)
+        root = jnp.sqrt(weight)[:, None]
+        fit = jnp.linalg.pinv(root * functions(node)) * root.T
+        return jnp.einsum("kn,cnm->ckm", fit, moments)
+
+
+def functions(x: Float[Array, "..."]) -> Float[Array, "... function"]:
+    """The functions on a cell, x from 0 at its lower to 1 at its upper edge, in a new last axis."""
+    y = 2.0 * x - 1.0
+    return jnp.stack([jnp.ones_like(y), y, y**2, jnp.sqrt(x), jnp.sqrt(1.0 - x)], axis=-1)

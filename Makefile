@@ -5,13 +5,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help demo test test-slow lint render picture clean
+.PHONY: help demo test test-slow lint bench render picture clean
 
 help:
 	@echo "make demo       fit the atmosphere of the eclipse of 2022-05-16; the report is in demo/"
 	@echo "make test       run the tests"
 	@echo "make test-slow  run the tests that take longer"
 	@echo "make lint       check style and types"
+	@echo "make bench      measure speed against error, here and of others; rewrites benchmarks/results/"
 	@echo "make render     render an eclipse to out/eclipse.png"
 	@echo "make picture    render the picture of the README"
 	@echo "make clean      remove all that make has made, .venv included"
@@ -28,6 +29,12 @@ test-slow: $(READY)
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/pyright
+
+bench: $(READY)
+	$(BIN)/python -m benchmarks.rays
+	$(BIN)/python -m benchmarks.shadow_peers
+	$(BIN)/python -m benchmarks.shadow_speed
+	$(BIN)/python -m benchmarks.picture
 
 render: $(READY)
 	mkdir -p out

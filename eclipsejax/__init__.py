@@ -32,13 +32,17 @@ if TYPE_CHECKING:
     from eclipsejax.limb import bending_angle as bending_angle
     from eclipsejax.limb import impact_parameter as impact_parameter
     from eclipsejax.limb import optical_depth as optical_depth
+    from eclipsejax.limb_table import grazing_rays as grazing_rays
     from eclipsejax.march import march_ray as march_ray
     from eclipsejax.moon import Moon as Moon
     from eclipsejax.render import render as render
+    from eclipsejax.render import renderer as renderer
     from eclipsejax.response import display as display
     from eclipsejax.scene import Scene as Scene
     from eclipsejax.shadow import shadow_irradiance as shadow_irradiance
+    from eclipsejax.shadow_operator import shadow_operator as shadow_operator
     from eclipsejax.sky import Sky as Sky
+    from eclipsejax.sounding import Sounding as Sounding
     from eclipsejax.sun import Sun as Sun
     from eclipsejax.sun import limb_darkening as limb_darkening
 
@@ -50,13 +54,16 @@ _NAMES = {
     "ephemeris": ["Geometry", "geometry", "local_circumstances"],
     "errors": ["InputError"],
     "limb": ["bending_angle", "impact_parameter", "optical_depth"],
+    "limb_table": ["grazing_rays"],
     "march": ["march_ray"],
     "moon": ["Moon"],
-    "render": ["render"],
+    "render": ["render", "renderer"],
     "response": ["display"],
     "scene": ["Scene"],
     "shadow": ["shadow_irradiance"],
+    "shadow_operator": ["shadow_operator"],
     "sky": ["Sky"],
+    "sounding": ["Sounding"],
     "sun": ["Sun", "limb_darkening"],
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}

@@ -104,11 +104,6 @@ class Air(eqx.Module):
         """Altitudes of the layer bases above the ground [m], and 5 km, which halves the widest layer of dense air."""
         return jnp.concatenate([geometric(self._layers()[0][1:]), jnp.asarray([5e3], dtype=float)])
 
-    @property
-    def dense_breaks(self) -> Float[Array, " breaks"]:
-        """Those of `breaks` up to 32 km [m]."""
-        return jnp.concatenate([geometric(self._layers()[0][1:4]), jnp.asarray([5e3], dtype=float)])
-
 
 def _accumulate(steps):
     """Running sum that starts from 0."""

@@ -140,8 +140,11 @@ def rays_irradiance(
 def _irradiance(table, coefficients, rays, offset, distance, sun_distance, sun, darkening):
     """One offset, one wavelength."""
     counts = rays.counts
-    offset = jnp.sqrt(offset**2 + AXIS**2)
     radius = jnp.arcsin(sun.radius / sun_distance)
+    top = EARTH_RADIUS + table.upper[-1]
+    outside = offset - radius >= sky_angle(top, distance, sun_distance)
+    # Far outside, integrals that do not count would have gradients that are not finite.
+    offset = jnp.sqrt(jnp.where(outside, 0.0, offset) ** 2 + AXIS**2)
     edges = jnp.stack([-(offset + radius), -jnp.abs(offset - radius), jnp.abs(offset - radius), offset + radius])
     node, weight = clustered(counts.shadow)
 
@@ -156,11 +159,9 @@ def _irradiance(table, coefficients, rays, offset, distance, sun_distance, sun, 
         measure = solid_angle(ray.impact, distance) * ray.impact_slope * (stop - start)[:, None] * weight
         return jnp.sum(measure * light)
 
-    top = EARTH_RADIUS + table.upper[-1]
     refracted = jnp.sum(jax.vmap(panel)(table))
     direct = light_above(
         top, offset, distance, sun_distance, radius, darkening, order=counts.shadow, arc_order=counts.arc
     )
     whole = whole_sun(distance, sun_distance, radius, darkening, counts.shadow, offset)
-    outside = offset - radius >= sky_angle(top, distance, sun_distance)
     return jnp.where(outside, 1.0, (refracted + direct) / whole)

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from inverse.likelihood import Likelihood
 
-STEPS = 8  # of Gauss and Newton, each shortened until it helps: exposure times tone curve is far from linear
+STEPS = 6  # of Gauss and Newton, each shortened until it helps: exposure times tone curve is far from linear
 SHARES = (1.0, 0.3, 0.1, 0.0)
 
 

@@ -20,7 +20,7 @@ from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
 STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
 DRAWS = 400  # from Laplace's Gaussian where nothing is sampled
-SHOWN = 60  # draws behind the bands of the plots
+SHOWN = 40  # draws behind the bands of the plots
 
 
 @dataclass(frozen=True)

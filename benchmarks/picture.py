@@ -1,0 +1,59 @@
+"""The picture of time against error, from the results that the other scripts have written.
+
+    python -m benchmarks.picture      # writes docs/speed-against-error.png
+"""
+
+import json
+from pathlib import Path
+
+from benchmarks.measure import RESULTS
+
+PICTURE = Path(__file__).parents[1] / "docs" / "speed-against-error.png"
+COLOURS = ("#000000", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999")
+EXACT = 1e-13  # where errors are drawn that are smaller still
+
+
+def measurements(name: str) -> list[dict]:
+    """What results/`name`.json holds."""
+    return json.loads((RESULTS / f"{name}.json").read_text())["measurements"]
+
+
+def curves(panel, rows: list[dict], title: str) -> None:
+    """One line for each method, from its settings with a time and an error."""
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    for method, colour in zip(methods, [*COLOURS, *COLOURS], strict=False):
+        points = sorted(
+            (max(row["max_error"], EXACT), row["warm_s"])
+            for row in rows
+            if row["method"] == method and row["max_error"] is not None
+        )
+        if points:
+            ours = method.startswith(("eclipsejax", "operator", "shadow_irradiance"))
+            panel.plot(
+                *zip(*points, strict=True), "o-" if ours else "s--", color=colour, linewidth=2.2 if ours else 1.2,
+                markersize=5, label=method,
+            )  # fmt: skip
+    panel.set(xscale="log", yscale="log", xlabel="largest relative error", ylabel="time, warm [s]", title=title)
+    panel.invert_xaxis()
+    panel.grid(True, color="#dddddd", linewidth=0.6)
+    panel.legend(fontsize=7, loc="upper left", framealpha=0.9)
+
+
+def main():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 5.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    curves(left, measurements("rays"), "120 grazing rays at 81 wavelengths")
+    shadow = [*measurements("shadow_peers"), *measurements("shadow_speed")]
+    kept = [row for row in shadow if "derivatives" not in row["method"]]
+    curves(right, kept, "shadow: 64 offsets at 24 wavelengths")
+    figure.savefig(PICTURE, dpi=110)
+    print(f"Wrote {PICTURE.parent.name}/{PICTURE.name}")
+
+
+if __name__ == "__main__":
+    main()

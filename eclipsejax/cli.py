@@ -87,7 +87,7 @@ def _add_render(commands) -> None:
     brightness = "instead of an exposure: 1 shows the full Moon at full scale; default: what shows this Moon"
     add("--gain", type=number(1e-6, 1e12), metavar="X", help=brightness)
     error = "relative error wanted of the light: 1e-2, 1e-3 (default), 1e-4 or 1e-6"
-    add("--tolerance", type=number(1e-6, 1e-1), default=1e-3, metavar="E", help=error)
+    add("--tolerance", type=number(1e-5, 1e-1), default=1e-3, metavar="E", help=error)
 
 
 def _list(options: Namespace) -> None:

@@ -4,6 +4,8 @@ What no atmosphere changes (where the pixels look, the surface there, the Sun's 
 in a `Renderer`; each atmosphere then costs the flux of its rays and a look into a table for every pixel.
 """
 
+from functools import cache
+from importlib.resources import files
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,12 +16,16 @@ from jaxtyping import Array, Float
 from eclipsejax.camera import sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
+from eclipsejax.errors import InputError
+from eclipsejax.moon import Moon
 from eclipsejax.response import linear_from_xyz, responses
 from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.shadow_table import Places, Tabulator, tabulator
+from eclipsejax.sun import Sun
 
 # The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
 FULL_MOON_PHASE = np.radians(1.5)
+FEW = 8  # fitted wavelengths, and their number
 
 
 class Sampling(NamedTuple):
@@ -29,7 +35,7 @@ class Sampling(NamedTuple):
     wavelengths: int
 
 
-SAMPLINGS = {1e-2: Sampling(40, 24), 1e-3: Sampling(64, 40), 1e-4: Sampling(128, 80), 1e-5: Sampling(300, 200)}
+SAMPLINGS = {1e-2: Sampling(40, FEW), 1e-3: Sampling(64, 40), 1e-4: Sampling(128, 80), 1e-5: Sampling(300, 200)}
 
 
 class Renderer(eqx.Module):
@@ -57,7 +63,7 @@ def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array,
     the response "srgb" and in the green channel of a camera. "srgb" gives linear sRGB, which may be negative for
     colours outside its gamut.
 
-    - `tolerance`: relative error wanted of the irradiance; 1e-2, 1e-3, 1e-4 and 1e-5 are measured settings.
+    - `tolerance`: relative error wanted of the irradiance, at least 1e-5; see `SAMPLINGS`. Gradients err by more.
     """
     return renderer(scene, tolerance=tolerance)(atmosphere)
 
@@ -73,8 +79,10 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
 
     - `east`, `north`: angles from the disc's apparent centre, any shape [rad].
     """
-    nearest = min(SAMPLINGS, key=lambda known: abs(np.log(known / tolerance)))
-    sampling = SAMPLINGS[nearest]
+    reached = [known for known in SAMPLINGS if known <= tolerance * (1 + 1e-12)]
+    if not reached:
+        raise InputError(f"A picture cannot be right to {tolerance:g}: give a tolerance of {min(SAMPLINGS):g} or more.")
+    sampling = SAMPLINGS[max(reached)]
     geometry = scene.geometry
     points = disc_points(geometry, *unflattened(scene, east, north))
     prepared = tabulator(
@@ -83,7 +91,7 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
         jnp.linalg.norm(geometry.sun),
         disc_offsets(geometry),
         *channel_weights(scene, sampling.wavelengths),
-        tolerance=nearest,
+        tolerance=max(reached),
         count=sampling.offsets,
     )
     return Renderer(
@@ -129,18 +137,36 @@ def unflattened(scene: Scene, east, north):
 def channel_weights(scene: Scene, count: int):
     """Wavelengths [nm] and weights (wavelength, channel) that turn irradiance into the camera's channels.
 
-    Each weight is the integral of Sun x Moon x response over a bin, on a 1 nm grid, so that Fraunhofer lines
-    average out; the irradiance is taken at the bin's middle. XYZ for the response "srgb".
+    XYZ for the response "srgb"; up to 8 wavelengths then are the fitted ones, if the Sun is the default.
     """
-    bins = np.linspace(380.0, 780.0, count + 1)
-    wavelength = jnp.asarray(0.5 * (bins[1:] + bins[:-1]))
-    fine = np.arange(380.25, 780.0, 0.5)
     camera = scene.camera
-    response = responses("xyz" if camera.response == "srgb" else camera.response, fine)
-    light = scene.sun.irradiance(jnp.asarray(fine)) * scene.moon.spectrum(jnp.asarray(fine))
-    member = np.clip(np.searchsorted(bins, fine) - 1, 0, count - 1)[None, :] == np.arange(count)[:, None]
-    weights = jnp.asarray(member, dtype=float) @ (light[:, None] * response)
-    weights = weights / jnp.sum(weights[:, 1])
+    if camera.response == "srgb":
+        fitted = count <= FEW and scene.sun.spectrum == Sun().spectrum
+        wavelength, weights = few_wavelengths() if fitted else binned_weights(scene.sun, scene.moon, "xyz", count)
+    else:
+        wavelength, weights = binned_weights(scene.sun, scene.moon, camera.response, count)
     if scene.sky is not None:
         weights = weights * scene.sky.transmission(wavelength, moon_altitude(scene.geometry))[:, None]
     return wavelength, weights
+
+
+def binned_weights(sun: Sun, moon: Moon, response: str, count: int):
+    """Wavelengths [nm] and weights (wavelength, channel), equally spaced from 380 to 780 nm.
+
+    Each weight is the integral of Sun x Moon x response over a bin, on a 0.5 nm grid, so that Fraunhofer lines
+    average out; the irradiance is taken at the bin's middle.
+    """
+    bins = np.linspace(380.0, 780.0, count + 1)
+    fine = np.arange(380.25, 780.0, 0.5)
+    light = sun.irradiance(jnp.asarray(fine)) * moon.spectrum(jnp.asarray(fine))
+    member = np.clip(np.searchsorted(bins, fine) - 1, 0, count - 1)[None, :] == np.arange(count)[:, None]
+    weights = jnp.asarray(member, dtype=float) @ (light[:, None] * responses(response, fine))
+    return jnp.asarray(0.5 * (bins[1:] + bins[:-1])), weights / jnp.sum(weights[:, 1])
+
+
+@cache
+def few_wavelengths():
+    """The fitted wavelengths [nm] and their weights (wavelength, 3) for XYZ: `tables/make_few_wavelengths.py`."""
+    with files("eclipsejax").joinpath("tables/few_wavelengths.csv").open() as lines:
+        table = np.loadtxt(lines, delimiter=",", skiprows=3)
+    return table[:, 0], table[:, 1:]

@@ -7,11 +7,13 @@ three Gauss nodes give the moments of the flux. The pieces of all branches stand
 air down, so that their number is that of the cells, not that of the cells times the panels.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.limb_table import LimbTable, chebyshev, chebyshev_derivative, chebyshev_nodes
@@ -72,72 +74,85 @@ def series(coefficients: Float[Array, "row coefficient"], u: Float[Array, "row .
 def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) -> Float[Array, "cell function"]:
     """Moments of the flux of one wavelength with the functions of each cell.
 
-    Pieces deeper than the list is long are left out: it reaches below any ray through air 1.3 times as dense as ours.
-
     - `order`: Gauss nodes on a piece.
     """
-    panels, count = rays.psi.shape[0], cells.count
-    slope = chebyshev_derivative(rays.psi)
-    summit = _summits(rays.psi, slope)
+    piece = _pieces(rays.psi, cells)
+    node, weight = clustered(order)
+    u = piece.start[:, None] + (piece.stop - piece.start)[:, None] * node
+    height = (rays.upper - rays.lower)[piece.panel][:, None]
+    clear = limb_transmission(rays.upper[piece.panel][:, None] - height * u**2)
+    light = jnp.exp(-series(rays.depth[piece.panel], u)) * clear * series(rays.solid_angle[piece.panel], u)
+    flux = light * jnp.abs(piece.stop - piece.start)[:, None] * weight
+
+    psi = series(rays.psi[piece.panel], u)
+    lower, upper = (cells.edges[jnp.clip(piece.cell + side, 0, cells.count)] for side in (0, 1))
+    within = (jnp.abs(psi) - lower[:, None]) / jnp.where(upper > lower, upper - lower, 1.0)[:, None]
+    basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
+    seen = piece.counts & (piece.cell >= 0) & (piece.cell < cells.count)
+    moments = jnp.where(seen[:, None], jnp.einsum("pn,pnk->pk", flux, basis), 0.0)
+    return jnp.zeros((cells.count, basis.shape[-1])).at[jnp.clip(piece.cell, 0, cells.count - 1)].add(moments)
+
+
+class _Pieces(NamedTuple):
+    """Stretches of a panel on which |psi| stays in one cell; as many as there can be, of which some do not count."""
+
+    panel: Int[Array, " piece"]
+    start: Float[Array, " piece"]  # [u]
+    stop: Float[Array, " piece"]  # [u]
+    cell: Int[Array, " piece"]
+    counts: Bool[Array, " piece"]
+
+
+def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
+    """Cut every branch of psi(u) at the edges of the cells."""
+    panels, count = psi.shape[0], cells.count
+    slope = chebyshev_derivative(psi)
+    frozen_psi, frozen_slope = jax.lax.stop_gradient((psi, slope))
+
     # Branches from the top of the air down, each from its highest psi to its lowest.
     panel = np.repeat(np.arange(panels)[::-1], len(_FALLS))
     begin, end = (jnp.asarray(np.tile(shares, panels)) for shares in ((0.0, *_FALLS[:-1]), (0.0, *_FALLS[1:])))
-    top = summit[panel]
-    start = top + (1.0 - top) * begin
-    stop = jnp.where(end > 0.0, top + (1.0 - top) * end, 0.0)
-    line = np.linspace(0.0, 1.0, _GRID)
-    frozen_psi, frozen_slope = jax.lax.stop_gradient((rays.psi, slope))
-    grid = start[:, None] + (stop - start)[:, None] * line
-    psi_grid = series(frozen_psi[panel], grid)  # (branch, grid), falling along the grid
+    summit = _summits(frozen_psi, frozen_slope)[panel]
+    start = summit + (1.0 - summit) * begin
+    stop = jnp.where(end > 0.0, summit + (1.0 - summit) * end, 0.0)
+    u_line = start[:, None] + (stop - start)[:, None] * np.linspace(0.0, 1.0, _GRID)
+    psi_line = series(frozen_psi[panel], u_line)
 
-    first, last = (_signed_cell(psi_grid[:, end], cells) for end in (0, -1))
+    # The list of pieces: how many each branch has, then branch and cell of each.
+    first, last = (_signed_cell(psi_line[:, side], cells) for side in (0, -1))
     number = first - last + 1
     ends = jnp.cumsum(number)
-
-    piece = np.arange(int(1.6 * count) + 2 * panel.size)
+    piece = jnp.arange(2 * count + 2 * panel.size)
     branch = jnp.minimum(jnp.sum(piece[:, None] >= ends, axis=1), panel.size - 1)
-    within = piece - (ends - number)[branch]
-    cell = first[branch] - within
-    # Lower and upper edge of the cell of |psi|; the lower one of psi, which the branch passes last.
-    lower, upper = (cells.edges[jnp.clip(jnp.abs(cell) - side, 0, count)] for side in (1, 0))
-    edge = jnp.where(cell > 0, lower, -upper)
+    rank = piece - (ends - number)[branch]
+    cell = first[branch] - rank
     here = jnp.asarray(panel)[branch]
 
-    # Where the branch passes the lower edge of the cell: by the grid, then Newton, then one step that carries the
-    # derivative (implicit function theorem).
-    psi_line, u_line = psi_grid[branch], grid[branch]
-    above = jnp.clip(jnp.sum(psi_line > edge[:, None], axis=1), 1, _GRID - 1)
-    take = lambda lines, index: jnp.take_along_axis(lines, index[:, None], axis=1)[:, 0]
-    u0, u1 = take(u_line, above - 1), take(u_line, above)
-    psi0, psi1 = take(psi_line, above - 1), take(psi_line, above)
-    rise = psi1 - psi0
-    cut = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
-    own_psi, own_slope = frozen_psi[here], frozen_slope[here]
-    for _ in range(_NEWTON):
-        steep = series(own_slope, cut)
-        step = (series(own_psi, cut) - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
-        cut = jnp.clip(cut - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
-    cut, edge_frozen = jax.lax.stop_gradient((cut, edge))
-    steep = series(own_slope, cut)
-    carried = (series(rays.psi[here], cut) - edge_frozen) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf)
-    cut = cut - (carried - jax.lax.stop_gradient(carried))
-    cut = jnp.where(edge > psi_line[:, -1], cut, stop[branch])
-    begin = jnp.where(within == 0, start[branch], jnp.concatenate([cut[:1], cut[:-1]]))
+    # A piece ends where psi passes the lower edge of its cell (of -|psi|, the upper), if its branch gets there.
+    edge = jnp.where(cell > 0, 1.0, -1.0) * cells.edges[jnp.clip(jnp.maximum(cell - 1, -cell), 0, count)]
+    cut = _crossing(frozen_psi[here], frozen_slope[here], psi_line[branch], u_line[branch], edge)
+    # One more step of Newton's, which does not move the cut but carries its derivative (implicit function theorem).
+    steep = series(frozen_slope[here], cut)
+    moved = (series(psi[here], cut) - edge) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf)
+    cut = cut - (moved - jax.lax.stop_gradient(moved))
+    cut = jnp.where(edge > psi_line[branch, -1], cut, stop[branch])
+    before = jnp.where(rank == 0, start[branch], jnp.roll(cut, 1))
+    return _Pieces(here, before, cut, jnp.abs(cell) - 1, piece < ends[-1])
 
-    node, weight = clustered(order)
-    u = begin[:, None] + (cut - begin)[:, None] * node
-    psi = series(rays.psi[here], u)
-    height = (rays.upper - rays.lower)[here][:, None]
-    clear = limb_transmission(rays.upper[here][:, None] - height * u**2)
-    light = jnp.exp(-series(rays.depth[here], u)) * clear * series(rays.solid_angle[here], u)
-    flux = light * jnp.abs(cut - begin)[:, None] * weight
-    within = (jnp.abs(psi) - lower[:, None]) / jnp.where(upper > lower, upper - lower, 1.0)[:, None]
-    basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
-    moments = jnp.einsum("pn,pnk->pk", flux, basis)
-    target = jnp.abs(cell) - 1
-    seen = (piece < ends[-1]) & (target >= 0) & (target < count)
-    moments = jnp.where(seen[:, None], moments, 0.0)
-    return jnp.zeros((count, basis.shape[-1])).at[jnp.clip(target, 0, count - 1)].add(moments)
+
+def _crossing(psi, slope, psi_line, u_line, edge):
+    """u at which each falling psi(u) passes an edge: between two points of its line, then by Newton's steps."""
+    above = jnp.clip(jnp.sum(psi_line > edge[:, None], axis=1), 1, _GRID - 1)[:, None]
+    (u0, u1), (psi0, psi1) = (
+        [jnp.take_along_axis(line, index, axis=1)[:, 0] for index in (above - 1, above)] for line in (u_line, psi_line)
+    )
+    rise = psi1 - psi0
+    u = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
+    for _ in range(_NEWTON):
+        steep = series(slope, u)
+        step = (series(psi, u) - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
+        u = jnp.clip(u - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
+    return jax.lax.stop_gradient(u)
 
 
 def _signed_cell(psi, cells):
@@ -147,7 +162,6 @@ def _signed_cell(psi, cells):
 
 def _summits(psi, slope):
     """u of the largest psi of each panel: 0, or the end of the hook."""
-    psi, slope = jax.lax.stop_gradient((psi, slope))
     bend = chebyshev_derivative(slope)
     grid = jnp.asarray(np.linspace(0.0, 1.0, _GRID))
     u = grid[jnp.argmax(psi @ chebyshev(grid, psi.shape[-1]).T, axis=1)]

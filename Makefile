@@ -21,7 +21,7 @@ demo: $(READY)
 	$(BIN)/fit_atmosphere --demo --out demo
 
 test: $(READY)
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses 2 --dist loadfile
 
 test-slow: $(READY)
 	$(BIN)/pytest -m slow

@@ -1,5 +1,7 @@
 """Dry air: the U.S. Standard Atmosphere 1976 with the surface temperature and pressure as inputs."""
 
+from abc import abstractmethod
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -26,7 +28,39 @@ def geometric(height):
     return constants.GEOPOTENTIAL_RADIUS * height / (constants.GEOPOTENTIAL_RADIUS - height)
 
 
-class Air(eqx.Module):
+class DryAir(eqx.Module):
+    """Dry air whose temperature and pressure are known at every altitude; what follows from them."""
+
+    @abstractmethod
+    def _state(self, altitude: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Temperature [K] and log of the pressure [Pa]."""
+
+    def temperature(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
+        """Temperature [K] (molecular-scale above 80 km)."""
+        return self._state(altitude)[0]
+
+    def pressure(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
+        """Pressure [Pa]."""
+        return jnp.exp(self._state(altitude)[1])
+
+    def density(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
+        """Mass density [kg m^-3]."""
+        temperature, log_pressure = self._state(altitude)
+        return jnp.exp(log_pressure) * (constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT) / temperature
+
+    def density_ratio(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
+        """Density relative to 15 C and 1013.25 hPa [-]."""
+        temperature, log_pressure = self._state(altitude)
+        pressure_ratio = jnp.exp(log_pressure - jnp.log(constants.STANDARD_PRESSURE))
+        return pressure_ratio * (constants.STANDARD_TEMPERATURE / temperature)
+
+    def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
+        """Number density [m^-3]."""
+        standard = constants.STANDARD_PRESSURE / (constants.BOLTZMANN * constants.STANDARD_TEMPERATURE)
+        return standard * self.density_ratio(altitude)
+
+
+class Air(DryAir):
     """Dry air in hydrostatic equilibrium.
 
     With the default surface this is the U.S. Standard Atmosphere 1976 to 86 km and isothermal above. Another surface
@@ -53,7 +87,7 @@ class Air(eqx.Module):
         thickness = jnp.diff(bases)
         temperatures = self.surface_temperature + _accumulate(lapses[:-1] * thickness)
         log_pressures = jnp.log(self.surface_pressure) - _HYDROSTATIC * _accumulate(
-            _column(thickness, temperatures[:-1], lapses[:-1])
+            layer_column(thickness, temperatures[:-1], lapses[:-1])
         )
         return bases, temperatures, lapses, log_pressures
 
@@ -64,32 +98,8 @@ class Air(eqx.Module):
         layer = jnp.sum(height >= bases[1:])
         above = height - bases[layer]
         temperature = temperatures[layer] + lapses[layer] * above
-        column = _column(above, temperatures[layer], lapses[layer])
+        column = layer_column(above, temperatures[layer], lapses[layer])
         return temperature, log_pressures[layer] - _HYDROSTATIC * column
-
-    def temperature(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Temperature [K] (molecular-scale above 80 km)."""
-        return self._state(altitude)[0]
-
-    def pressure(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Pressure [Pa]."""
-        return jnp.exp(self._state(altitude)[1])
-
-    def density(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Mass density [kg m^-3]."""
-        temperature, log_pressure = self._state(altitude)
-        return jnp.exp(log_pressure) * (constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT) / temperature
-
-    def density_ratio(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Density relative to 15 C and 1013.25 hPa [-]."""
-        temperature, log_pressure = self._state(altitude)
-        pressure_ratio = jnp.exp(log_pressure - jnp.log(constants.STANDARD_PRESSURE))
-        return pressure_ratio * (constants.STANDARD_TEMPERATURE / temperature)
-
-    def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Number density [m^-3]."""
-        standard = constants.STANDARD_PRESSURE / (constants.BOLTZMANN * constants.STANDARD_TEMPERATURE)
-        return standard * self.density_ratio(altitude)
 
     def coefficient(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Rayleigh scattering cross-section [m^2], times `scattering`."""
@@ -110,10 +120,10 @@ def _accumulate(steps):
     return jnp.concatenate([jnp.zeros(1, dtype=steps.dtype), jnp.cumsum(steps)])
 
 
-def _column(thickness, temperature, lapse):
-    """Integral of dH/T over a layer [m/K]: log(1 + y)/lapse with y = lapse thickness/temperature, and its limit."""
+def layer_column(thickness, temperature, lapse, xp=jnp):
+    """int dH/T over a layer [m/K] from the temperature at its base: log(1 + y) / lapse, y = lapse thickness /
+    temperature, and its limit; `xp` is JAX's or plain NumPy."""
     y = lapse * thickness / temperature
-    small = jnp.abs(y) < 1e-5
-    y_safe = jnp.where(small, 1.0, y)
-    ratio = jnp.where(small, 1.0 - y / 2.0 + y**2 / 3.0, jnp.log1p(y_safe) / y_safe)
-    return thickness / temperature * ratio
+    small = xp.abs(y) < 1e-5
+    y_safe = xp.where(small, 1.0, y)
+    return thickness / temperature * xp.where(small, 1.0 - y / 2.0 + y**2 / 3.0, xp.log1p(y_safe) / y_safe)

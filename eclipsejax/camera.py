@@ -1,7 +1,5 @@
 """The camera: where its pixels look, how it blurs, exposes, saturates, adds noise and encodes."""
 
-from functools import partial
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -179,13 +177,25 @@ def blur(image: Float[ArrayLike, "row column 3"], camera: Camera) -> Float[Array
     image = jnp.asarray(image)
     if camera.psf_fwhm is None and camera.glare is None:
         return image
-    rows, columns = camera.shape
+    if camera.glare is None and camera.psf_fwhm is not None:
+        for axis, count in enumerate(camera.shape):  # a Gaussian is separable: half the work
+            core = _gaussian(jnp.arange(1.0 - count, count), camera.psf_fwhm)
+            image = _convolved(image, core / core.sum(), (axis,))
+        return image
+    return _convolved(image, point_spread(camera), (0, 1))
+
+
+def _convolved(image, kernel, axes: tuple[int, ...]):
+    """Convolution along some of the first two axes with a kernel of 2 n - 1 elements along each."""
     # The full convolution is 3 n - 2 long; at a period of 2 n - 1 only what is cut away below overlaps.
-    padded = tuple(scipy.fft.next_fast_len(2 * n - 1) or 2 * n - 1 for n in (rows, columns))
-    transform = partial(jnp.fft.rfft2, s=padded, axes=(0, 1))
-    product = transform(image) * transform(point_spread(camera))[..., None]
-    blurred = jnp.fft.irfft2(product, s=padded, axes=(0, 1))
-    return blurred[rows - 1 : 2 * rows - 1, columns - 1 : 2 * columns - 1]
+    counts = [image.shape[axis] for axis in axes]
+    padded = [scipy.fft.next_fast_len(2 * n - 1) or 2 * n - 1 for n in counts]
+    spectrum = jnp.fft.rfftn(kernel, s=padded)
+    spectrum = jnp.expand_dims(spectrum, [axis for axis in range(3) if axis not in axes])
+    image = jnp.fft.irfftn(jnp.fft.rfftn(image, s=padded, axes=axes) * spectrum, s=padded, axes=axes)
+    for axis, n in zip(axes, counts, strict=True):
+        image = jax.lax.slice_in_dim(image, n - 1, 2 * n - 1, axis=axis)
+    return image
 
 
 def tone_curve(linear: Float[ArrayLike, "..."], camera: Camera) -> Float[Array, "..."]:

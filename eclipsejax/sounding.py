@@ -21,10 +21,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from eclipsejax import constants
-from eclipsejax.air import geopotential
+from eclipsejax.air import DryAir, geopotential, layer_column
 from eclipsejax.errors import InputError
-from eclipsejax.sounding_levels import HYDROSTATIC, checked, layer_column, refuse_ducts, table_levels
+from eclipsejax.sounding_levels import HYDROSTATIC, checked, refuse_ducts, table_levels
 from eclipsejax.spectra import ciddor_refractivity, rayleigh_cross_section
 from eclipsejax.traced import real
 
@@ -32,7 +31,7 @@ AFGL = ("us_standard", "tropical", "midlatitude_summer", "midlatitude_winter", "
 COLUMNS = ("altitude_m", "temperature_k", "pressure_pa")
 
 
-class Sounding(eqx.Module):
+class Sounding(DryAir):
     """Dry air with the temperatures and pressures of a few levels; serves wherever `Air` does.
 
     As given here every level is kept. Between levels: see the module. Below the first the lowest layer goes on, above
@@ -117,38 +116,14 @@ class Sounding(eqx.Module):
         heights, log_pressures = geopotential(self.levels), jnp.log(self.pressures)
         thickness = jnp.diff(heights)
         lapses = jnp.diff(self.temperatures) / thickness
-        weights = -jnp.diff(log_pressures) / layer_column(jnp, thickness, self.temperatures[:-1], lapses)
+        weights = -jnp.diff(log_pressures) / layer_column(thickness, self.temperatures[:-1], lapses)
         lapses = jnp.append(lapses, 0.0)
         weights = jnp.append(weights, HYDROSTATIC)
         height = geopotential(altitude)
         layer = jnp.sum(height >= heights[1:])
         above = height - heights[layer]
-        column = layer_column(jnp, above, self.temperatures[layer], lapses[layer])
+        column = layer_column(above, self.temperatures[layer], lapses[layer])
         return self.temperatures[layer] + lapses[layer] * above, log_pressures[layer] - weights[layer] * column
-
-    def temperature(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Temperature [K]."""
-        return self._state(altitude)[0]
-
-    def pressure(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Pressure [Pa]."""
-        return jnp.exp(self._state(altitude)[1])
-
-    def density(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Mass density [kg m^-3]."""
-        temperature, log_pressure = self._state(altitude)
-        return jnp.exp(log_pressure) * (constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT) / temperature
-
-    def density_ratio(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Density relative to 15 C and 1013.25 hPa [-]."""
-        temperature, log_pressure = self._state(altitude)
-        pressure_ratio = jnp.exp(log_pressure - np.log(constants.STANDARD_PRESSURE))
-        return pressure_ratio * (constants.STANDARD_TEMPERATURE / temperature)
-
-    def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
-        """Number density [m^-3]."""
-        standard = constants.STANDARD_PRESSURE / (constants.BOLTZMANN * constants.STANDARD_TEMPERATURE)
-        return standard * self.density_ratio(altitude)
 
     def coefficient(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Rayleigh scattering cross-section [m^2], times `scattering`."""

@@ -6,7 +6,7 @@ All columns are altitude [m], temperature [K] and pressure [Pa], from the lowest
 import numpy as np
 
 from eclipsejax import constants
-from eclipsejax.air import geometric, geopotential
+from eclipsejax.air import geometric, geopotential, layer_column
 from eclipsejax.errors import InputError
 
 HYDROSTATIC = constants.STANDARD_GRAVITY * constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT  # K/m
@@ -44,24 +44,16 @@ def _continued(height, t, log_pressure):
     """With levels added down to the sea and up to the U.S. Standard Atmosphere's, by the weight of the air."""
     if height[0] > 0.0:
         ground = t[0] - _LAPSE_RATE * height[0]
-        column = layer_column(np, height[0], ground, _LAPSE_RATE)
+        column = layer_column(height[0], ground, _LAPSE_RATE, np)
         height, t = np.insert(height, 0, 0.0), np.insert(t, 0, ground)
         log_pressure = np.insert(log_pressure, 0, log_pressure[0] + HYDROSTATIC * column)
     for base, warmth in _STANDARD:
         if base >= height[-1] + _REACH:
             lapse = (warmth - t[-1]) / (base - height[-1])
-            column = layer_column(np, base - height[-1], t[-1], lapse)
+            column = layer_column(base - height[-1], t[-1], lapse, np)
             height, t = np.append(height, base), np.append(t, warmth)
             log_pressure = np.append(log_pressure, log_pressure[-1] - HYDROSTATIC * column)
     return height, t, log_pressure
-
-
-def layer_column(xp, thickness, temperature, lapse):
-    """int dH/T over a layer [m/K] from the temperature at its base, with `xp` either NumPy or its likeness in JAX."""
-    y = lapse * thickness / temperature
-    small = xp.abs(y) < 1e-5
-    y_safe = xp.where(small, 1.0, y)
-    return thickness / temperature * xp.where(small, 1.0 - y / 2.0 + y**2 / 3.0, xp.log1p(y_safe) / y_safe)
 
 
 def checked(altitude, temperature, pressure):
@@ -108,8 +100,8 @@ def _kept(height, temperature, log_pressure, tolerance, count):
         layer = np.clip(np.searchsorted(kept, np.arange(height.size), side="right") - 1, 0, kept.size - 2)
         base, top = kept[layer], kept[layer + 1]
         lapse = (temperature[top] - temperature[base]) / (height[top] - height[base])
-        above = layer_column(np, height - height[base], temperature[base], lapse)
-        whole = layer_column(np, height[top] - height[base], temperature[base], lapse)
+        above = layer_column(height - height[base], temperature[base], lapse, np)
+        whole = layer_column(height[top] - height[base], temperature[base], lapse, np)
         pressure = np.exp(log_pressure[base] + (log_pressure[top] - log_pressure[base]) * above / whole)
         found = pressure / (temperature[base] + lapse * (height - height[base]))
         return np.abs(found - density) / (density + _THIN * density[0])
@@ -127,7 +119,7 @@ def _kept(height, temperature, log_pressure, tolerance, count):
 
 def _refuse_unbalanced(height, temperature, log_pressure):
     """`InputError` where pressure falls as it cannot in air of these temperatures, over 2 km: less may be rounding."""
-    column = np.cumsum(layer_column(np, np.diff(height), temperature[:-1], np.diff(temperature) / np.diff(height)))
+    column = np.cumsum(layer_column(np.diff(height), temperature[:-1], np.diff(temperature) / np.diff(height), np))
     column = np.insert(column, 0, 0.0)
     marks = np.flatnonzero(np.diff(np.floor(height / 2e3), prepend=-np.inf))
     weight = -np.diff(log_pressure[marks]) / np.diff(column[marks])
@@ -144,7 +136,7 @@ def refuse_ducts(altitude, temperature, pressure, refraction):
     """`InputError` where n r falls with altitude: no ray is lowest there, and light from below never leaves."""
     height, radius = geopotential(altitude), constants.EARTH_RADIUS + altitude
     lapse = np.diff(temperature) / np.diff(height)
-    weight = -np.diff(np.log(pressure)) / layer_column(np, np.diff(height), temperature[:-1], lapse)
+    weight = -np.diff(np.log(pressure)) / layer_column(np.diff(height), temperature[:-1], lapse, np)
     density_ratio = pressure / constants.STANDARD_PRESSURE * constants.STANDARD_TEMPERATURE / temperature
     refractivity = refraction * _REFRACTIVITY * density_ratio
     gravity = (constants.GEOPOTENTIAL_RADIUS / (constants.GEOPOTENTIAL_RADIUS + altitude)) ** 2

@@ -15,7 +15,7 @@ from eclipsejax.traced import real
 _TROPOPAUSE_TEMPERATURE = 216.65  # K
 _BASES = (20e3, 32e3, 47e3, 51e3, 71e3, 84852.05)
 _LAPSE_RATES = (-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0)
-_HYDROSTATIC = constants.STANDARD_GRAVITY * constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT  # K/m
+HYDROSTATIC = constants.STANDARD_GRAVITY * constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT  # K/m
 
 
 def geopotential(altitude):
@@ -86,7 +86,7 @@ class Air(DryAir):
         bases = jnp.concatenate([jnp.stack([jnp.zeros_like(tropopause), tropopause]), jnp.asarray(_BASES, dtype=float)])
         thickness = jnp.diff(bases)
         temperatures = self.surface_temperature + _accumulate(lapses[:-1] * thickness)
-        log_pressures = jnp.log(self.surface_pressure) - _HYDROSTATIC * _accumulate(
+        log_pressures = jnp.log(self.surface_pressure) - HYDROSTATIC * _accumulate(
             layer_column(thickness, temperatures[:-1], lapses[:-1])
         )
         return bases, temperatures, lapses, log_pressures
@@ -99,7 +99,7 @@ class Air(DryAir):
         above = height - bases[layer]
         temperature = temperatures[layer] + lapses[layer] * above
         column = layer_column(above, temperatures[layer], lapses[layer])
-        return temperature, log_pressures[layer] - _HYDROSTATIC * column
+        return temperature, log_pressures[layer] - HYDROSTATIC * column
 
     def coefficient(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Rayleigh scattering cross-section [m^2], times `scattering`."""

@@ -160,20 +160,18 @@ class Atmosphere(eqx.Module):
     @property
     def ray_breaks(self) -> Float[Array, " breaks"]:
         """Altitudes where a profile is not smooth: all of `breaks` but the clouds' [m]."""
-        edges = [self.air.breaks]
+        edges = [jnp.asarray([0.0, ATMOSPHERE_TOP]), self.air.breaks]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))
-        return _ascending(*edges)
+        return jnp.sort(_inside(jnp.concatenate(edges)))
 
     @property
     def breaks(self) -> Float[Array, " breaks"]:
         """Altitudes where a profile is not smooth, or the clouds' transmission changes fast, ascending [m]."""
-        edges = [self.air.breaks]
-        if self.dust is not None:
-            edges.append(jnp.stack([self.dust.base, self.dust.top]))
-        if self.clouds is not None:
-            edges.append(self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0]))
-        return _ascending(*edges)
+        if self.clouds is None:
+            return self.ray_breaks
+        around = self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0])
+        return jnp.sort(jnp.concatenate([self.ray_breaks, _inside(around)]))
 
     def dispersion(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Refractivity of air at 15 C and 1013.25 hPa [-]."""
@@ -203,9 +201,9 @@ class Atmosphere(eqx.Module):
         return self.clouds.limb_transmission(tangent_height)
 
 
-def _ascending(*edges):
-    inside = jnp.clip(jnp.concatenate(edges), 0.0, ATMOSPHERE_TOP)
-    return jnp.sort(jnp.concatenate([inside, jnp.asarray([0.0, ATMOSPHERE_TOP])]))
+def _inside(altitudes):
+    """Altitudes moved to the nearest end of the atmosphere where they lie outside it."""
+    return jnp.clip(altitudes, 0.0, ATMOSPHERE_TOP)
 
 
 def refractivity(atmosphere, altitude, wavelength) -> Float[Array, "..."]:

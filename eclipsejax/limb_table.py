@@ -127,7 +127,7 @@ def grazing_rays(
     - `dispersion`: refractivities.
     """
     refractivities, mixture = _dispersion_nodes(atmosphere, wavelength, dispersion)
-    breaks = getattr(atmosphere, "ray_breaks", atmosphere.breaks)
+    breaks = ray_breaks(atmosphere)
 
     def trace(refractivity, z):
         return grazing_ray(scaled(atmosphere, refractivity), breaks, z, order=order)
@@ -136,6 +136,11 @@ def grazing_rays(
     bending, columns = (jnp.tensordot(mixture, values, axes=1) for values in traced)
     coefficients = jax.vmap(atmosphere.coefficients)(wavelength)
     return bending.T, jnp.einsum("wzc,wc->zw", columns, coefficients)
+
+
+def ray_breaks(atmosphere):
+    """The breaks that matter along a ray [m]: of an atmosphere that does not tell them apart, all."""
+    return atmosphere.ray_breaks if hasattr(atmosphere, "ray_breaks") else atmosphere.breaks
 
 
 def scaled(atmosphere, refractivity):

@@ -16,12 +16,12 @@ from jaxtyping import Array, Float
 from eclipsejax.camera import sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
-from eclipsejax.errors import InputError
 from eclipsejax.moon import Moon
 from eclipsejax.response import linear_from_xyz, responses
 from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.shadow_table import Places, Tabulator, tabulator
 from eclipsejax.sun import Sun
+from eclipsejax.tolerance import reached
 
 # The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
 FULL_MOON_PHASE = np.radians(1.5)
@@ -79,10 +79,8 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
 
     - `east`, `north`: angles from the disc's apparent centre, any shape [rad].
     """
-    reached = [known for known in SAMPLINGS if known <= tolerance * (1 + 1e-12)]
-    if not reached:
-        raise InputError(f"A picture cannot be right to {tolerance:g}: give a tolerance of {min(SAMPLINGS):g} or more.")
-    sampling = SAMPLINGS[max(reached)]
+    error = reached(SAMPLINGS, tolerance)
+    sampling = SAMPLINGS[error]
     geometry = scene.geometry
     points = disc_points(geometry, *unflattened(scene, east, north))
     prepared = tabulator(
@@ -91,7 +89,7 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
         jnp.linalg.norm(geometry.sun),
         disc_offsets(geometry),
         *channel_weights(scene, sampling.wavelengths),
-        tolerance=max(reached),
+        tolerance=error,
         count=sampling.offsets,
     )
     return Renderer(

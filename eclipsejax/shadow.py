@@ -29,6 +29,7 @@ from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS, MOON_MEAN_DIST
 from eclipsejax.limb_table import LimbTable, limb_table
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import clustered, light_above, sky_angle, solid_angle, whole_sun
+from eclipsejax.tolerance import reached
 from eclipsejax.traced import real
 
 
@@ -58,10 +59,7 @@ AXIS = 1e-9
 
 def quadrature_for(tolerance: float) -> Quadrature:
     """The cheapest node counts that meet a relative tolerance."""
-    for reached in sorted(QUADRATURES, reverse=True):
-        if reached <= tolerance * (1 + 1e-12):
-            return QUADRATURES[reached]
-    raise ValueError(f"`tolerance` must be at least {min(QUADRATURES)}, not {tolerance}")
+    return QUADRATURES[reached(QUADRATURES, tolerance)]
 
 
 def shadow_irradiance(

@@ -14,11 +14,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
-from eclipsejax.limb_table import limb_table
+from eclipsejax.limb_table import limb_table, ray_breaks
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import light_above, whole_sun
+from eclipsejax.tolerance import reached
 from eclipsejax.traced import real
 
 _DIRECT_ORDER = 20
@@ -31,8 +32,8 @@ class Counts(NamedTuple):
     ray: int  # Gauss-Legendre nodes a panel along a ray
     table: int  # Chebyshev nodes a panel of tangent heights
     dispersion: int  # refractivities at which rays are traced, for all wavelengths
-    cells: int  # of sky angle, over the disc of the Moon and that of the Sun
-    piece: int  # Gauss-Legendre nodes on the rays of a cell
+    cells: int  # edges of cells of sky angle, besides those where the Sun is touched
+    piece: int  # nodes on the rays of a cell
 
 
 # Measured against `shadow_irradiance` (tests/test_shadow_operator.py): offsets of totality and partiality, 390-770 nm,
@@ -73,8 +74,7 @@ class ShadowOperator(eqx.Module):
 
     def __call__(self, atmosphere) -> Float[Array, "distance offset wavelength"]:
         """Fraction of unobstructed sunlight, as by `shadow.shadow_irradiance`."""
-        breaks = getattr(atmosphere, "ray_breaks", atmosphere.breaks)
-        table, coefficients = limb_table(atmosphere, self.wavelength, self.counts, breaks=breaks)
+        table, coefficients = limb_table(atmosphere, self.wavelength, self.counts, breaks=ray_breaks(atmosphere))
 
         def seen(view: View):
             rays = branches(table, coefficients, view.distance, self.sun_distance)
@@ -122,7 +122,4 @@ def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tol
 
 def counts_for(tolerance: float) -> Counts:
     """The cheapest node counts that meet a relative tolerance."""
-    for reached in sorted(COUNTS, reverse=True):
-        if reached <= tolerance * (1 + 1e-12):
-            return COUNTS[reached]
-    raise ValueError(f"`tolerance` must be at least {min(COUNTS)}, not {tolerance}")
+    return COUNTS[reached(COUNTS, tolerance)]

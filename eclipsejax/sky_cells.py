@@ -15,7 +15,6 @@ from jaxtyping import Array, Float
 from eclipsejax.arc import arc_moments
 from eclipsejax.sunlight import clustered
 
-FUNCTIONS = 5
 _ARC_ORDER = 8
 _NODES = 10  # of a cell, to which the functions are fitted
 

@@ -2,9 +2,10 @@
 
 In every panel of tangent heights psi, optical depth and solid angle are polynomials in u (`limb_table`). A panel has
 two branches on which psi is monotone: it falls with u, but for a hook just below some breaks, where it first rises
-by up to 0.3'. Each branch is cut where it enters another cell; between two cuts everything is smooth, and two or
-three Gauss nodes give the moments of the flux. The pieces of all branches stand in one list, from the top of the
-air down, so that their number is that of the cells, not that of the cells times the panels.
+by up to 0.3'. Each branch is cut where it enters another cell; between two cuts everything is smooth, and a few nodes,
+clustered at the ends for the sake of the square roots, give the moments of the flux. The pieces of all branches stand
+in one list, from the top of the air down, so that their number is that of the cells, not that of the cells times the
+panels.
 """
 
 from typing import NamedTuple
@@ -60,7 +61,7 @@ def branches(table: LimbTable, coefficients, distance, sun_distance) -> Branches
 
 
 def series(coefficients: Float[Array, "row coefficient"], u: Float[Array, "row ..."]) -> Float[Array, "row ..."]:
-    """Chebyshev series of u on [0, 1], one for each row."""
+    """Chebyshev series of u on [0, 1], one for each row; term by term, so that no basis is kept in memory."""
     x = 2.0 * u - 1.0
     terms = coefficients.T.reshape(coefficients.shape[1], -1, *[1] * (u.ndim - 1))
     before, last = jnp.ones_like(x), x
@@ -74,7 +75,7 @@ def series(coefficients: Float[Array, "row coefficient"], u: Float[Array, "row .
 def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) -> Float[Array, "cell function"]:
     """Moments of the flux of one wavelength with the functions of each cell.
 
-    - `order`: Gauss nodes on a piece.
+    - `order`: nodes on a piece.
     """
     piece = _pieces(rays.psi, cells)
     node, weight = clustered(order)

@@ -21,9 +21,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from eclipsejax.air import DryAir, geopotential, layer_column
+from eclipsejax.air import HYDROSTATIC, DryAir, geopotential, layer_column
 from eclipsejax.errors import InputError
-from eclipsejax.sounding_levels import HYDROSTATIC, checked, refuse_ducts, table_levels
+from eclipsejax.sounding_levels import checked, refuse_ducts, table_levels
 from eclipsejax.spectra import ciddor_refractivity, rayleigh_cross_section
 from eclipsejax.traced import real
 

@@ -6,10 +6,9 @@ All columns are altitude [m], temperature [K] and pressure [Pa], from the lowest
 import numpy as np
 
 from eclipsejax import constants
-from eclipsejax.air import geometric, geopotential, layer_column
+from eclipsejax.air import HYDROSTATIC, geometric, geopotential, layer_column
 from eclipsejax.errors import InputError
 
-HYDROSTATIC = constants.STANDARD_GRAVITY * constants.MOLAR_MASS_AIR / constants.GAS_CONSTANT  # K/m
 _LAPSE_RATE = -6.5e-3  # K/m, between a table's lowest level and the sea
 # U.S. Standard Atmosphere 1976: geopotential height [m] and temperature [K] of the layer bases above 32 km.
 _STANDARD = ((47e3, 270.65), (51e3, 270.65), (71e3, 214.65), (84852.05, 186.946))

@@ -39,22 +39,18 @@ class Optimum:
         return (right.T / singular**2) @ right
 
 
-def _linearised(z, likelihood):
-    """Residuals and their whole Jacobian."""
-    along = lambda direction: jax.jvp(likelihood.residuals, (z,), (direction,))
-    return jax.vmap(along, out_axes=(None, -1))(jnp.eye(z.size))
-
-
 @eqx.filter_custom_jvp
 def _residuals(z, likelihood):
-    return _linearised(z, likelihood)[0]
+    return likelihood.residuals(z)
 
 
 @_residuals.def_jvp
 def _residuals_jvp(primals, tangents):
     """The solver applies the Jacobian in many places: so the model is traced and compiled once, not in each."""
-    value, jacobian = _linearised(*primals)
-    return value, jacobian @ tangents[0]
+    (z, likelihood), (z_dot, _) = primals, tangents
+    along = lambda direction: jax.jvp(likelihood.residuals, (z,), (direction,))
+    value, jacobian = jax.vmap(along, out_axes=(None, -1))(jnp.eye(z.size))
+    return value, jacobian @ z_dot
 
 
 @eqx.filter_jit

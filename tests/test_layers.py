@@ -12,9 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # From the bottom up: a module may import those above it in this list.
 ORDER = """
-constants errors traced calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight limb_table
-shadow sky_cells sky_flux shadow_operator moon sky response camera almanac ephemeris scene shadow_table render figures
-session cli
+constants errors traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight
+limb_table shadow sky_cells sky_flux shadow_operator moon sky response camera almanac ephemeris scene shadow_table
+render figures session cli
 """.split()
 HOMES = {
     "colour": {"eclipsejax/response.py"},

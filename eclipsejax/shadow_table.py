@@ -1,9 +1,13 @@
 """The shadow as a table, from which a picture takes each pixel's light.
 
-Irradiance varies fast about the umbra's edge and slowly elsewhere, and the edge moves with the distance of the
-surface point. So the table runs in t = asinh((offset - edge(D)) / width), uniformly, at the nearest and farthest
-distance of the lunar surface; its entries are logs of irradiance already weighted with the camera's responses.
-Between entries: cubic in t, linear in D.
+Irradiance varies fastest just inside the umbra's edge, where the last of the Sun sets behind the stratosphere, and has
+kinks all over the umbra, where the Sun's edge passes a caustic. Both move with the distance of the surface point as the
+umbra's edge does. So the table runs uniformly in
+
+    t = (offset - edge(D)) / SPACING + asinh((offset - edge(D) - STEEPEST) / WIDTH)
+
+at the nearest and farthest distance of the lunar surface; its entries are logs of irradiance already weighted with the
+camera's responses. Between entries: cubic in t, linear in D.
 """
 
 from typing import NamedTuple
@@ -17,7 +21,7 @@ from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
 from eclipsejax.traced import real
 
-WIDTH = 1.2e-3  # rad; the grid is finest within this of the umbra's edge
+SPACING, STEEPEST, WIDTH = 8.3e-4, -6e-4, 1e-4  # rad; the least errors of 128 to 384 entries among 12 trials
 FAINTEST = 1e-30  # of sunlight: keeps the log of opaque air finite
 
 
@@ -39,12 +43,12 @@ class TableGrid(eqx.Module):
 
     def offsets_at(self, distance) -> Float[Array, " offset"]:
         """Angles from the axis of the entries, for points at a distance from the Earth's centre [rad]."""
-        from_edge = WIDTH * jnp.sinh(self.start + self.step * jnp.arange(self.count))
+        from_edge = from_edge_at(self.start + self.step * jnp.arange(self.count))
         return jnp.abs(from_edge + umbra_edge(distance, self.sun_distance, self.sun_radius))
 
     def places(self, offset: Float[Array, "..."], distance: Float[Array, "..."]) -> "Places":
         """Where angles from the axis [rad] and distances from the Earth's centre [m] are in a table."""
-        t = jnp.arcsinh((offset - umbra_edge(distance, self.sun_distance, self.sun_radius)) / WIDTH)
+        t = variable(offset - umbra_edge(distance, self.sun_distance, self.sun_radius))
         near, far = self.distances
         position = jnp.clip((t - self.start) / self.step, 1.0, self.count - 2.0)
         return Places(position, (distance - near) / (far - near))
@@ -102,6 +106,28 @@ def umbra_edge(distance, sun_distance, sun_radius):
     )
 
 
+def variable(from_edge):
+    """t at an offset from the umbra's edge [rad]."""
+    return from_edge / SPACING + jnp.arcsinh((from_edge - STEEPEST) / WIDTH)
+
+
+def from_edge_at(t):
+    """Offset from the umbra's edge [rad] at t: halving, then a step of Newton's, which carries the derivatives."""
+    still = jax.lax.stop_gradient(t)
+
+    def halve(_, ends):
+        low, high = ends
+        middle = 0.5 * (low + high)
+        above = variable(middle) > still
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    # asinh lies between -12 and 12 within 8 rad of the edge, so |t| * SPACING is never off by more than 12 SPACING.
+    around = still * SPACING
+    low, _ = jax.lax.fori_loop(0, 40, halve, (around - 12.0 * SPACING, around + 12.0 * SPACING))
+    slope = 1.0 / SPACING + 1.0 / jnp.sqrt((low - STEEPEST) ** 2 + WIDTH**2)
+    return low - (variable(low) - t) / slope
+
+
 class Tabulator(eqx.Module):
     """Makes the table of a scene for any atmosphere."""
 
@@ -141,7 +167,7 @@ def tabulator(
 def table_grid(sun, moon_distance, sun_distance, offsets, count: int) -> TableGrid:
     """Entries over the Moon's disc; the arguments are those of `tabulator`."""
     distances = moon_distance + jnp.asarray([-1.0, 0.0]) * MOON_RADIUS
-    edge = umbra_edge(moon_distance, sun_distance, sun.radius)
-    t = jnp.arcsinh((jnp.asarray(offsets) - edge) / WIDTH)
+    # The umbra is widest at the nearest distance, so that the axis is farthest inside there.
+    t = variable(jnp.asarray(offsets) - umbra_edge(distances, sun_distance, sun.radius))
     step = (t[1] - t[0]) / (count - 3)  # one node beyond either end, for the cubic
     return TableGrid(t[0] - step, step, distances, real(sun_distance), sun.radius, count)

@@ -20,12 +20,12 @@ from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_MEAN_DISTANCE
 from eclipsejax.moon import Moon
-from eclipsejax.render import binned_weights
 from eclipsejax.response import SRGB_FROM_XYZ
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
+from eclipsejax.wavelengths import MANY, binned_weights
 
-COUNT, MANY, ATMOSPHERES = 8, 200, 48
+COUNT, ATMOSPHERES = 8, 48
 OFFSETS = np.linspace(0.0, np.radians(46.0 / 60.0), 48)
 THREE = (610.0, 550.0, 465.0)  # nm, for red, green and blue
 HEADER = """# Eight wavelengths for the XYZ of the eclipsed Moon: weights of irradiance in units of full sunlight;
@@ -34,15 +34,15 @@ wavelength_nm,x,y,z
 """
 
 
-def spectra(seed: int, wavelength) -> np.ndarray:
+def spectra(seed: int, wavelength, offset: np.ndarray, atmospheres: int) -> np.ndarray:
     """Light of the shadow under random atmospheres, (atmosphere x offset, wavelength)."""
     distance = jnp.asarray([MOON_MEAN_DISTANCE])
     operator = eqx.filter_jit(shadow_operator)(
-        Sun(), jnp.asarray(OFFSETS)[None], distance, ASTRONOMICAL_UNIT, wavelength, tolerance=1e-3
+        Sun(), jnp.asarray(offset)[None], distance, ASTRONOMICAL_UNIT, wavelength, tolerance=1e-3
     )
     light = eqx.filter_jit(lambda operator, atmosphere: operator(atmosphere)[0])
     random, found = np.random.default_rng(seed), []
-    for _ in range(ATMOSPHERES):
+    for _ in range(atmospheres):
         atmosphere = Atmosphere(
             air=Air(random.uniform(260.0, 305.0), random.uniform(97e3, 104e3)),
             ozone=Ozone(random.uniform(220.0, 450.0)),
@@ -87,7 +87,7 @@ def chosen_wavelengths(light, target, rows) -> list[int]:
 def main():
     jax.config.update("jax_enable_x64", True)
     wavelength, weights = (np.asarray(part) for part in binned_weights(Sun(), Moon(), "xyz", MANY))
-    light, other = (spectra(seed, jnp.asarray(wavelength)) for seed in (1, 2))
+    light, other = (spectra(seed, jnp.asarray(wavelength), OFFSETS, ATMOSPHERES) for seed in (1, 2))
     target, other_target = light @ weights, other @ weights
     rows = 1.0 / (target @ SRGB_FROM_XYZ.T).max(axis=1)
     chosen, best = [], None

@@ -1,0 +1,67 @@
+"""A few wavelengths that stand for the whole spectrum in the colours of the shadow.
+
+The light of the shadow varies with wavelength by orders of magnitude, but always in much the same way: so what lies
+between a few wavelengths is a mixture of the nearest of them, with shares fitted once to the spectra of many
+atmospheres and offsets. The integral of Sun x Moon x response over the spectrum then is a weighted sum over the few.
+Taking the bins' middles instead, 40 of them, errs by 1 % in the blue of the umbra (tests/test_wavelengths.py).
+"""
+
+from functools import cache
+from importlib.resources import files
+
+import jax.numpy as jnp
+import numpy as np
+
+from eclipsejax.moon import Moon
+from eclipsejax.response import responses
+from eclipsejax.sun import Sun
+
+MANY = 200  # wavelengths of the reference, as in Yapo & Cutler (2009)
+
+
+def channel_weights(sun: Sun, moon: Moon, response: str, count: int):
+    """Wavelengths [nm] and weights (wavelength, channel) that turn irradiance into channels, above the air.
+
+    The uneclipsed Moon has 1 in the second channel: luminance or green.
+
+    - `response`: "srgb", of which the channels are XYZ, or a camera of `response.responses`.
+    - `count`: 8, 16, 24 or 48 wavelengths: 8 are for "srgb" and the default Sun alone, where else 16 are taken.
+    """
+    if count == 8 and response == "srgb" and sun.spectrum == Sun().spectrum:
+        return few_wavelengths()
+    wavelength, mixture = mixtures(max(count, 16))
+    _, weights = binned_weights(sun, moon, "xyz" if response == "srgb" else response, MANY)
+    return jnp.asarray(wavelength), jnp.asarray(mixture).T @ weights
+
+
+def binned_weights(sun: Sun, moon: Moon, response: str, count: int):
+    """Wavelengths [nm] and weights (wavelength, channel), equally spaced from 380 to 780 nm.
+
+    Each weight is the integral of Sun x Moon x response over a bin, on a 0.5 nm grid, so that Fraunhofer lines
+    average out; the irradiance is taken at the bin's middle.
+    """
+    bins = np.linspace(380.0, 780.0, count + 1)
+    fine = np.arange(380.25, 780.0, 0.5)
+    light = sun.irradiance(jnp.asarray(fine)) * moon.spectrum(jnp.asarray(fine))
+    member = np.clip(np.searchsorted(bins, fine) - 1, 0, count - 1)[None, :] == np.arange(count)[:, None]
+    weights = jnp.asarray(member, dtype=float) @ (light[:, None] * responses(response, fine))
+    return jnp.asarray(0.5 * (bins[1:] + bins[:-1])), weights / jnp.sum(weights[:, 1])
+
+
+@cache
+def few_wavelengths():
+    """Eight fitted wavelengths [nm] and their weights (wavelength, 3) for XYZ: `tables/make_few_wavelengths.py`."""
+    with files("eclipsejax").joinpath("tables/few_wavelengths.csv").open() as lines:
+        table = np.loadtxt(lines, delimiter=",", skiprows=3)
+    return table[:, 0], table[:, 1:]
+
+
+@cache
+def mixtures(count: int):
+    """Wavelengths [nm] and their shares (200, wavelength) in the light at those of `binned_weights`.
+
+    Largest errors of a channel, XYZ or a camera's, over the umbra and penumbra under 60 random atmospheres that are
+    not those of the fit: 6e-3 with 16, 7e-4 with 24, 7e-5 with 48; `tables/make_wavelength_mixtures.py` prints them.
+    """
+    with files("eclipsejax").joinpath("tables/wavelength_mixtures.npz").open("rb") as file, np.load(file) as table:
+        return table[f"wavelength_{count}"], table[f"mixture_{count}"]

@@ -14,6 +14,7 @@ from PIL import Image
 import eclipsejax
 import inverse
 from eclipsejax import cli, session
+from eclipsejax.commands import listing
 
 TOTALITY = "2022-05-16T04:11:30Z"
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
@@ -63,7 +64,7 @@ def test_contacts_that_do_not_happen_are_left_out(capsys):
 
 def test_kinds_add_up(capsys):
     every = listed(capsys, "2000", "2010")
-    chosen = [line for kind in cli.KINDS for line in listed(capsys, "2000", "2010", "--kind", kind)[1:]]
+    chosen = [line for kind in listing.KINDS for line in listed(capsys, "2000", "2010", "--kind", kind)[1:]]
     assert sorted(chosen) == sorted(every[1:]) and len(chosen) > 20
 
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from eclipsejax import session
-from eclipsejax.commands import listing, render
+from eclipsejax.commands import listing, movie, render
 
-COMMANDS = (listing, render)
+COMMANDS = (listing, render, movie)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

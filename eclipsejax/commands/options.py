@@ -4,7 +4,6 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from dataclasses import replace
 
 from eclipsejax import session
-from eclipsejax.errors import InputError
 
 FIELD = 1.1e-2  # rad, width of the picture: the Moon is 8.9e-3 to 9.9e-3 wide
 SITE = "LAT,LON[,HEIGHT]"
@@ -47,20 +46,17 @@ def add_site(command: ArgumentParser) -> None:
     )
 
 
-def add_camera(command: ArgumentParser, size: int) -> None:
-    """Size and roll of the picture, its exposure and the error wanted; read by `camera` and `exposure_gain`."""
+def add_camera(command: ArgumentParser, size: int):
+    """Size and roll of the picture and the error wanted, read by `camera`; returns the group, for more options."""
     number = session.number
-    add = command.add_argument_group("the camera").add_argument
+    group = command.add_argument_group("the camera")
+    add = group.add_argument
     add("--size", type=number(8, 4096), default=size, metavar="PIXELS", help=f"default {size}")
     turn = "position angle of the picture's up direction, north through east; default 0"
     add("--roll", type=number(-360, 360), default=0.0, metavar="DEG", help=turn)
-    add("--exposure", type=number(1e-6, 1e4), metavar="SECONDS", help="such as 4 or 1/60")
-    add("--f-number", type=number(0.1, 1e3), metavar="N", help="with --exposure")
-    add("--iso", type=number(1, 1e7), metavar="N", help="with --exposure")
-    brightness = "instead of an exposure: 1 shows the full Moon at full scale; default: what shows this Moon"
-    add("--gain", type=number(1e-6, 1e12), metavar="X", help=brightness)
     error = "relative error wanted of the light: 1e-2, 1e-3 (default), 1e-4 or 1e-5"
     add("--tolerance", type=number(1e-5, 1e-1), default=1e-3, metavar="E", help=error)
+    return group
 
 
 def camera(options: Namespace):
@@ -71,22 +67,6 @@ def camera(options: Namespace):
 
     size = round(options.size)
     return Camera(shape=(size, size), scale=FIELD / size, roll=np.radians(options.roll))
-
-
-def check_exposure(options: Namespace) -> None:
-    """Before the work: an exposure is complete, and the only thing that sets the brightness."""
-    shot = (options.exposure, options.f_number, options.iso)
-    if any(x is not None for x in shot) and (None in shot or options.gain is not None):
-        raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
-
-
-def exposure_gain(options: Namespace) -> float | None:
-    """Signal of a full Moon [full scale] at the exposure given; None without one."""
-    if options.exposure is None:
-        return None
-    from eclipsejax.camera import Exposure
-
-    return float(Exposure(options.exposure, options.f_number, options.iso).scale()[0])
 
 
 def _clouds(text: str) -> tuple[float, float]:

@@ -23,11 +23,15 @@ def check_writable(path: Path, suffixes: Sequence[str], what: str) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it at the end; what fails or is interrupted leaves nothing there."""
+    """A temporary name beside `path`, renamed to it at the end; what fails or is interrupted leaves nothing.
+
+    Whoever moves the temporary file elsewhere leaves `path` as it was.
+    """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield temporary
-        temporary.replace(path)
+        if temporary.exists():
+            temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error}): choose another place.") from None
     finally:

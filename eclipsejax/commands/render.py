@@ -6,6 +6,7 @@ from pathlib import Path
 from eclipsejax import session
 from eclipsejax.commands import options as shared
 from eclipsejax.commands.output import check_writable, whole_file
+from eclipsejax.errors import InputError
 
 BRIGHT = 0.8  # of full scale, for the brightest channel of the brightest hundredth of the disc
 SUFFIXES = (".png", ".tif", ".tiff")
@@ -24,16 +25,24 @@ def add_to(commands) -> None:
     add("-o", dest="output", required=True, type=Path, metavar="FILE", help=", ".join(SUFFIXES))
     shared.add_site(command)
     shared.add_air(command)
-    shared.add_camera(command, size=512)
+    number, add = session.number, shared.add_camera(command, size=512).add_argument
+    add("--exposure", type=number(1e-6, 1e4), metavar="SECONDS", help="such as 4 or 1/60")
+    add("--f-number", type=number(0.1, 1e3), metavar="N", help="with --exposure")
+    add("--iso", type=number(1, 1e7), metavar="N", help="with --exposure")
+    brightness = "instead of an exposure: 1 shows the full Moon at full scale; default: what shows this Moon"
+    add("--gain", type=number(1e-6, 1e12), metavar="X", help=brightness)
 
 
 def _render(options: Namespace) -> None:
     check_writable(options.output, SUFFIXES, "picture")
-    shared.check_exposure(options)
+    shot = (options.exposure, options.f_number, options.iso)
+    if any(x is not None for x in shot) and (None in shot or options.gain is not None):
+        raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
     session.start()
     import equinox as eqx
     import numpy as np
 
+    from eclipsejax.camera import Exposure
     from eclipsejax.render import render
     from eclipsejax.response import display, into_gamut
     from eclipsejax.scene import Scene
@@ -42,8 +51,8 @@ def _render(options: Namespace) -> None:
     limb = shared.atmosphere(options)
     image = np.asarray(eqx.filter_jit(render)(scene, limb, tolerance=options.tolerance))
 
-    gain = shared.exposure_gain(options)
-    if gain is not None:
+    if options.exposure is not None:
+        gain = float(Exposure(*shot).scale()[0])
         print(f"A full Moon would be at {gain:.3g} of full scale.")
     else:
         gain = options.gain or _bright_gain(image)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from eclipsejax import session
-from eclipsejax.commands import listing, movie, render, texture
+from eclipsejax.commands import gallery, listing, movie, render, texture
 
-COMMANDS = (listing, render, movie, texture)
+COMMANDS = (listing, render, movie, texture, gallery)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

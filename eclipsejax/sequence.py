@@ -9,13 +9,13 @@ from collections.abc import Sequence as Ordered
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt8
 
-from eclipsejax.camera import sky_plane
+from eclipsejax.camera import Camera, sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import Geometry
 from eclipsejax.render import SAMPLINGS, channel_weights, disc_offsets, surface_reflectance, unflattened
-from eclipsejax.response import linear_from_xyz
+from eclipsejax.response import encode_srgb, into_gamut, linear_from_xyz
 from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import ShadowTable, Tabulator, table_grid
@@ -56,21 +56,43 @@ def sequence(scene: Scene, instants: Ordered[Geometry], atmosphere, *, tolerance
     - `atmosphere`: along the Earth's limb.
     - `tolerance`: relative error wanted of the irradiance, as in `render`.
     """
+    # Only a few numbers go in: one compilation serves films of any length, size and site.
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *instants)
-    return _prepared(scene, stacked, atmosphere, reached(SAMPLINGS, tolerance))
+    moon, sun = (jnp.linalg.norm(place, axis=-1) for place in (stacked.moon, stacked.sun))
+    offsets = jax.vmap(disc_offsets)(stacked)
+    plain = Scene(instants[0], camera=Camera(response=scene.camera.response), sun=scene.sun, moon=scene.moon)
+    return _prepared(
+        plain,
+        jnp.stack([jnp.min(moon), jnp.max(moon)]),
+        jnp.mean(sun),
+        jnp.stack([jnp.min(offsets), jnp.max(offsets)]),
+        atmosphere,
+        reached(SAMPLINGS, tolerance),
+    )
 
 
 @eqx.filter_jit
-def _prepared(scene, instants, atmosphere, error):
+def _prepared(scene, moon_distances, sun_distance, offsets, atmosphere, error):
     sampling = SAMPLINGS[error]
-    moon = jnp.linalg.norm(instants.moon, axis=-1)
-    sun = jnp.mean(jnp.linalg.norm(instants.sun, axis=-1))
-    offsets = jax.vmap(disc_offsets)(instants)
-    span = jnp.stack([jnp.min(offsets), jnp.max(offsets)])
-    grid = table_grid(scene.sun, jnp.mean(moon), sun, span, WIDER * sampling.offsets)
-    distances = jnp.stack([jnp.min(moon) - MOON_RADIUS, jnp.max(moon)])
+    grid = table_grid(scene.sun, jnp.mean(moon_distances), sun_distance, offsets, WIDER * sampling.offsets)
+    distances = moon_distances - jnp.asarray([MOON_RADIUS, 0.0])
     grid = eqx.tree_at(lambda grid: grid.distances, grid, distances)
     wavelength, _ = channel_weights(scene, sampling.wavelengths)
     offset = jax.vmap(grid.offsets_at)(distances)
-    operator = shadow_operator(scene.sun, offset, distances, sun, wavelength, tolerance=error)
+    operator = shadow_operator(scene.sun, offset, distances, sun_distance, wavelength, tolerance=error)
     return Sequence(Tabulator(grid, operator, jnp.eye(wavelength.size))(atmosphere))
+
+
+@eqx.filter_jit
+def pictured(pictures: Sequence, scene: Scene) -> Float[Array, "row column channel"]:
+    """`pictures(scene)`, compiled."""
+    return pictures(scene)
+
+
+@eqx.filter_jit
+def developed(pictures: Sequence, scene: Scene, gain) -> UInt8[Array, "row column 3"]:
+    """The same to look at: sRGB, as by `response.display`.
+
+    - `gain`: signal of a full Moon [full scale].
+    """
+    return jnp.round(255.0 * encode_srgb(into_gamut(gain * pictures(scene)))).astype(jnp.uint8)

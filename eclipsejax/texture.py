@@ -61,9 +61,9 @@ def shadow_texture(
     """Fraction of unobstructed sunlight [-] in each channel; 0 in place of the negatives of colours outside sRGB.
 
     Only the columns between which points at the given distances fall are worked out; the others repeat the nearest.
-    Read back linearly between texels the light on the Moon errs by 0.06 % (median), by 10 % where it is 1e-8 in the
-    blue, and by up to 20 % within an arcminute of the umbra's edge, which moves by two rows from one column to the next:
-    that is in the layout, and is a quarter of it at twice the size.
+    Read back linearly between texels the light on the Moon errs by 0.06 % (median), by up to 11 % in the deepest umbra
+    and by up to 20 % within an arcminute of the umbra's edge, which moves by two rows from one column to the next: that
+    is in the layout, and is a quarter of it at twice the size.
 
     - `distances`: nearest and farthest from the Earth's centre [m].
     - `channels`: None for `colours`.

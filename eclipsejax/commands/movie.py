@@ -97,7 +97,6 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
     """Shutter times [s], and an iterator over the frames."""
     from dataclasses import replace
 
-    import equinox as eqx
     import jax.numpy as jnp
     import numpy as np
 
@@ -105,9 +104,8 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
     from eclipsejax.camera import Camera, Exposure
     from eclipsejax.movie import metered_gain, shutter_text, smooth_gains, whole_stops
     from eclipsejax.movie_file import captioned
-    from eclipsejax.response import encode_srgb, into_gamut
     from eclipsejax.scene import Scene
-    from eclipsejax.sequence import sequence
+    from eclipsejax.sequence import developed, pictured, sequence
     from eclipsejax.sky import Sky
 
     sky = None if options.site is None else Sky(height=options.site[2] if len(options.site) == 3 else 0.0)
@@ -118,9 +116,8 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
     if isinstance(options.exposure, float):
         shutters = np.full(len(times), options.exposure)
     else:
-        metered = eqx.filter_jit(lambda pictures, scene: pictures(scene))
         coarse = replace(scene, camera=Camera(shape=(METER, METER), scale=shared.FIELD / METER))
-        wanted = [metered_gain(np.asarray(metered(pictures, replace(coarse, geometry=where)))) for where in geometries]
+        wanted = [metered_gain(np.asarray(pictured(pictures, replace(coarse, geometry=where)))) for where in geometries]
         first, last = (
             float(np.asarray(where.clock) @ [SECONDS_PER_DAY, 1.0]) for where in (geometries[0], geometries[-1])
         )
@@ -128,10 +125,6 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
         shutters = smooth_gains(np.asarray(wanted), width) / full_moon
         if options.exposure == "stops":
             shutters = whole_stops(shutters)
-
-    @eqx.filter_jit
-    def developed(pictures, scene, gain):
-        return jnp.round(255.0 * encode_srgb(into_gamut(gain * pictures(scene)))).astype(jnp.uint8)
 
     def frames():
         for utc, where, shutter in zip(times, geometries, shutters, strict=True):

@@ -31,7 +31,7 @@ def eclipse_on(date: str) -> Eclipse:
 
 
 def instants(eclipse: Eclipse, count: int, *, umbral: bool = False) -> list[str]:
-    """Times of frames, equally spaced from the first contact to the last (ISO strings).
+    """Times of frames, equally spaced from the first contact to the last (ISO strings, to the second).
 
     - `umbral`: only while part of the Moon is in the umbra, U1 to U4; else from P1 to P4.
     """
@@ -40,7 +40,7 @@ def instants(eclipse: Eclipse, count: int, *, umbral: bool = False) -> list[str]
         raise InputError(f"The eclipse of {eclipse.greatest} is {eclipse.kind}: it has no umbral phase to be shown.")
     first, last = (read_clock(eclipse.contacts[name]) for name in ends)
     length = (last.day - first.day) * SECONDS_PER_DAY + last.second - first.second
-    return [write_clock(Clock(first.day, first.second + x)) for x in np.linspace(0.0, length, count)]
+    return [write_clock(Clock(first.day, first.second + x), 0) for x in np.linspace(0.0, length, count)]
 
 
 def metered_gain(image: Float[np.ndarray, "row column 3"]) -> float:

@@ -130,7 +130,7 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
         for utc, where, shutter in zip(times, geometries, shutters, strict=True):
             frame = developed(pictures, replace(scene, geometry=where), jnp.asarray(shutter * full_moon))
             shot = f"{shutter_text(shutter)}  f/{options.f_number:g}  ISO {options.iso:g}"
-            yield captioned(np.asarray(frame), f"{utc[:-1].partition('.')[0].replace('T', ' ')} UT", shot)
+            yield captioned(np.asarray(frame), f"{utc[:-1].replace('T', ' ')} UT", shot)
 
     return shutters, frames()
 

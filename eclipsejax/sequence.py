@@ -95,4 +95,6 @@ def developed(pictures: Sequence, scene: Scene, gain) -> UInt8[Array, "row colum
 
     - `gain`: signal of a full Moon [full scale].
     """
-    return jnp.round(255.0 * encode_srgb(into_gamut(gain * pictures(scene)))).astype(jnp.uint8)
+    # The barrier keeps the compiler from working the picture out once for each use of it: a fifth of the time.
+    picture = jax.lax.optimization_barrier(pictures(scene))
+    return jnp.round(255.0 * encode_srgb(into_gamut(gain * picture))).astype(jnp.uint8)

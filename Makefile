@@ -5,13 +5,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help demo test test-slow lint bench render picture clean
+.PHONY: help demo test test-slow lint docs bench render picture clean
 
 help:
 	@echo "make demo       fit the atmosphere of the eclipse of 2022-05-16; the report is in demo/"
 	@echo "make test       run the tests"
 	@echo "make test-slow  run the tests that take longer"
 	@echo "make lint       check style and types"
+	@echo "make docs       build the documentation in site/; broken references fail"
 	@echo "make bench      measure speed against error, here and of others; rewrites benchmarks/results/"
 	@echo "make render     render an eclipse to out/eclipse.png"
 	@echo "make picture    render the picture of the README"
@@ -30,6 +31,9 @@ lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/pyright
 
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 bench: $(READY)
 	$(BIN)/python -m benchmarks.rays
 	$(BIN)/python -m benchmarks.shadow_peers
@@ -44,7 +48,7 @@ picture: $(READY)
 	$(BIN)/eclipsejax render 2022-05-16T04:11:30Z --size 320 -o docs/eclipse-2022-05-16.png
 
 clean:
-	rm -rf .venv out demo .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv out demo site .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Touched last, so that an interrupted installation is taken up again.
@@ -54,5 +58,5 @@ $(READY): pyproject.toml
 	  exit 1; }
 	@echo "Installing into .venv: this takes some minutes, once."
 	@$(PYTHON) -m venv .venv
-	@$(BIN)/python -m pip install --quiet --editable '.[lint,test]'
+	@$(BIN)/python -m pip install --quiet --editable '.[docs,lint,test]'
 	@touch $@

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import types
 from importlib import import_module
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from PIL import Image
 import eclipsejax
 import inverse
 from eclipsejax import cli, session
+from eclipsejax.commands import listing
 
 TOTALITY = "2022-05-16T04:11:30Z"
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
@@ -63,7 +65,7 @@ def test_contacts_that_do_not_happen_are_left_out(capsys):
 
 def test_kinds_add_up(capsys):
     every = listed(capsys, "2000", "2010")
-    chosen = [line for kind in cli.KINDS for line in listed(capsys, "2000", "2010", "--kind", kind)[1:]]
+    chosen = [line for kind in listing.KINDS for line in listed(capsys, "2000", "2010", "--kind", kind)[1:]]
     assert sorted(chosen) == sorted(every[1:]) and len(chosen) > 20
 
 
@@ -217,3 +219,19 @@ def test_a_module_does_not_hide_the_function_of_its_name():
         "from eclipsejax import render; assert ej.render is render and callable(render)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_gallery_says_what_it_draws(capsys, tmp_path, monkeypatch):
+    def stand_in(directory, *, size, progress):
+        progress(f"drawing at {size}")
+        return directory / "index.html"
+
+    package, module = types.ModuleType("eclipsejax.figures"), types.ModuleType("eclipsejax.figures.gallery")
+    monkeypatch.setattr(module, "write_gallery", stand_in, raising=False)
+    monkeypatch.setitem(sys.modules, "eclipsejax.figures", package)
+    monkeypatch.setitem(sys.modules, "eclipsejax.figures.gallery", module)
+    assert cli.main(["gallery", "-o", str(tmp_path / "new"), "--size", "100"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "drawing at 100\n" and said.out == f"Wrote {tmp_path / 'new' / 'index.html'}.\n"
+    (tmp_path / "file").touch()
+    check_refused(capsys, ["gallery", "-o", str(tmp_path / "file")], "is a file")

@@ -1,0 +1,81 @@
+"""`eclipsejax render`: one picture of an eclipse."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from eclipsejax import session
+from eclipsejax.commands import options as shared
+from eclipsejax.commands.output import check_writable, whole_file
+from eclipsejax.errors import InputError
+
+BRIGHT = 0.8  # of full scale, for the brightest channel of the brightest hundredth of the disc
+SUFFIXES = (".png", ".tif", ".tiff")
+
+
+def add_to(commands) -> None:
+    """Describe the command to the parser."""
+    command = commands.add_parser(
+        "render",
+        help="render a picture of an eclipse",
+        description="Render the eclipsed Moon at a time, as PNG or as linear 16-bit TIFF (sRGB primaries).",
+    )
+    command.set_defaults(action=_render)
+    add = command.add_argument
+    add("utc", metavar="UTC", help="time with its zone, such as 2008-02-21T03:26Z")
+    add("-o", dest="output", required=True, type=Path, metavar="FILE", help=", ".join(SUFFIXES))
+    shared.add_site(command)
+    shared.add_air(command)
+    number, add = session.number, shared.add_camera(command, size=512).add_argument
+    add("--exposure", type=number(1e-6, 1e4), metavar="SECONDS", help="such as 4 or 1/60")
+    add("--f-number", type=number(0.1, 1e3), metavar="N", help="with --exposure")
+    add("--iso", type=number(1, 1e7), metavar="N", help="with --exposure")
+    brightness = "instead of an exposure: 1 shows the full Moon at full scale; default: what shows this Moon"
+    add("--gain", type=number(1e-6, 1e12), metavar="X", help=brightness)
+
+
+def _render(options: Namespace) -> None:
+    check_writable(options.output, SUFFIXES, "picture")
+    shot = (options.exposure, options.f_number, options.iso)
+    if any(x is not None for x in shot) and (None in shot or options.gain is not None):
+        raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
+    session.start()
+    import equinox as eqx
+    import numpy as np
+
+    from eclipsejax.camera import Exposure
+    from eclipsejax.render import render
+    from eclipsejax.response import display, into_gamut
+    from eclipsejax.scene import Scene
+
+    scene = Scene.at(options.utc.strip(), *(options.site or ()), camera=shared.camera(options))
+    limb = shared.atmosphere(options)
+    image = np.asarray(eqx.filter_jit(render)(scene, limb, tolerance=options.tolerance))
+
+    if options.exposure is not None:
+        gain = float(Exposure(*shot).scale()[0])
+        print(f"A full Moon would be at {gain:.3g} of full scale.")
+    else:
+        gain = options.gain or _bright_gain(image)
+        print(f"The Moon is brightened {f'{gain:,.0f}' if gain >= 10 else f'{gain:g}'} times.")
+
+    with whole_file(options.output) as path:
+        if path.suffix.lower() == ".png":
+            from PIL import Image
+
+            Image.fromarray(display(image, gain)).save(path)
+        else:
+            import tifffile
+
+            linear = np.round(65535 * np.asarray(into_gamut(gain * image))).astype(np.uint16)
+            tifffile.imwrite(path, linear, photometric="rgb")
+    rows, columns = scene.camera.shape
+    print(f"Wrote {options.output}: {scene.geometry.utc}, {columns} x {rows} pixels.")
+
+
+def _bright_gain(image) -> float:
+    """Gain that shows the bright part of the disc, of two digits, so that it can be given as --gain again."""
+    import numpy as np
+
+    brightest = image.max(axis=-1)
+    lit = brightest[brightest > 0.0]
+    return float(f"{BRIGHT / np.percentile(lit, 99):.2g}") if lit.size else 1.0

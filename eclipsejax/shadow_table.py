@@ -19,6 +19,7 @@ from eclipsejax.traced import real
 
 WIDTH = 1.2e-3  # rad; the grid is finest within this of the umbra's edge
 FAINTEST = 1e-30  # of sunlight: keeps the log of opaque air finite
+TORN = 20.0  # between neighbouring logs: the edge of a shadow without light, beside which a cubic would overshoot
 
 
 class TableGrid(eqx.Module):
@@ -85,8 +86,15 @@ class ShadowTable(eqx.Module):
             (x + 1.0) * x * (x - 1.0) / 6.0,
         )
 
+        def along(entries):
+            """Between four neighbours: cubic, but straight where they are torn apart."""
+            cubic = sum(w * entry for w, entry in zip(weights, entries, strict=True))
+            torn = jnp.maximum(entries[1], entries[2]) - jnp.minimum(entries[0], entries[3]) > TORN
+            torn |= jnp.maximum(entries[0], entries[3]) - jnp.minimum(entries[1], entries[2]) > TORN
+            return jnp.where(torn, entries[1] + jnp.clip(x, 0.0, 1.0) * (entries[2] - entries[1]), cubic)
+
         def channel(table):
-            near, far = (sum(w * table[first + k, side] for k, w in enumerate(weights)) for side in (0, 1))
+            near, far = (along([table[first + k, side] for k in range(4)]) for side in (0, 1))
             return jnp.exp(near + fraction * (far - near))
 
         # One entry after the other, not in blocks: the compiler then makes one loop over the pixels, without copies.

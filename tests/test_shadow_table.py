@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS
 from eclipsejax.shadow_table import tabulator, umbra_edge
@@ -82,3 +83,15 @@ def test_table_has_finite_slopes_on_the_axis_and_outside():
     slope = jax.vmap(jax.jacfwd(table, argnums=(0, 1)), in_axes=(0, None))
     for found in slope(jnp.asarray([0.0, 4.5e-3, 13.6e-3, 0.05]), jnp.asarray(DISTANCE)):
         assert np.all(np.isfinite(found))
+
+
+def test_edge_of_a_shadow_without_air_is_dark():
+    # All light ends at the edge of the umbra: a cubic through the logs beside it would draw a bright line there.
+    bare = Atmosphere(Air(refraction=0.0, scattering=0.0), ozone=None)
+    table = table_of(bare, spanned(11e-3), jnp.eye(3))
+    edge = float(umbra_edge(DISTANCE, ASTRONOMICAL_UNIT, Sun().radius))
+    offset = edge + np.linspace(-4e-4, 4e-4, OFFSETS.size)
+    found = np.asarray(table(jnp.asarray(offset), jnp.full(offset.shape, DISTANCE)))
+    expected = np.asarray(irradiance(bare, offset, moon_distance=DISTANCE))
+    assert np.all(found[offset < edge - 2e-4] < 1e-6)
+    np.testing.assert_allclose(found, expected, atol=1e-3)

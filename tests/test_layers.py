@@ -18,7 +18,8 @@ render figures session cli
 """.split()
 # The same within the package of that name.
 FIGURES = """
-page colour ray_path picture air tank refraction to_the_moon light surface worlds danjon series moonset gallery
+page colour limb_rays ray_path picture air tank refraction to_the_moon light surface worlds danjon series moonset
+gallery
 """.split()
 HOMES = {
     "colour": {"eclipsejax/response.py"},

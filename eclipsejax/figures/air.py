@@ -2,16 +2,29 @@
 
 from functools import partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.air import Air
-from eclipsejax.atmosphere import Atmosphere, Dust, Haze, Ozone, extinction, refractivity
+from eclipsejax.atmosphere import Atmosphere, Dust, Haze
 from eclipsejax.figures.page import BLUE, GOLD, GREEN, INK, RED, VIOLET, Plate, styled
 from eclipsejax.spectra import ciddor_refractivity, ozone_cross_section, rayleigh_cross_section
 
 ALPHA = 4.7e-6  # 1/m, dust of the paper
+
+
+@eqx.filter_jit
+def _state(air, height):
+    return jax.vmap(air.temperature)(height), jax.vmap(air.density)(height)
+
+
+@eqx.filter_jit
+def _extinctions(atmosphere, height, wavelength):
+    """Of each constituent, (height, wavelength, constituent) [1/m]."""
+    profiles = jax.vmap(lambda z: atmosphere.profiles(z)[1])(height)
+    return profiles[:, None] * jax.vmap(atmosphere.coefficients)(wavelength)
 
 
 @styled
@@ -21,7 +34,7 @@ def air_plate() -> Plate:
     grid = plate.add_gridspec(2, 3, left=0.06, right=0.985, top=0.875, bottom=0.075, wspace=0.26, hspace=0.34)
     height = np.linspace(0.0, 86e3, 431)
     temperature, density, change = (plate.add_subplot(grid[0, column]) for column in range(3))
-    standard = jax.vmap(Air().density)(jnp.asarray(height))
+    _, standard = _state(Air(), jnp.asarray(height))
     for name, air, colour, dashes in (
         ("standard: 288.15 K, 1013.25 hPa", Air(), INK, "-"),
         ("ground 20 K colder", Air(surface_temperature=268.15), BLUE, "-"),
@@ -29,13 +42,13 @@ def air_plate() -> Plate:
         ("pressure 5 % lower", Air(surface_pressure=0.95 * 101325.0), GOLD, (0, (4, 2))),
     ):
         line = {"color": colour, "linestyle": dashes, "label": name}
-        here = jax.vmap(air.density)(jnp.asarray(height))
-        temperature.plot(jax.vmap(air.temperature)(jnp.asarray(height)), height / 1e3, **line)
+        warmth, here = _state(air, jnp.asarray(height))
+        temperature.plot(warmth, height / 1e3, **line)
         density.semilogx(here, height / 1e3, **line)
         change.plot(here / standard, height / 1e3, **line)
     temperature.set(title="temperature", xlabel="[K]", ylabel="height  [km]", ylim=(0, 86))
     density.set(title="density  (below),  n − 1 at 550 nm  (above)", xlabel="[kg m$^{-3}$]", ylim=(0, 86))
-    factor = float(refractivity(Atmosphere(), 0.0, 550.0) / standard[0])  # refractivity follows density
+    factor = float(ciddor_refractivity(jnp.asarray(550.0)) / standard[0])  # refractivity follows density
     density.secondary_xaxis(
         "top", functions=(partial(np.multiply, factor), partial(np.multiply, 1.0 / factor))
     ).tick_params(pad=0)
@@ -55,16 +68,17 @@ def air_plate() -> Plate:
     section.set(title="cross-sections", xlabel="wavelength  [nm]", ylabel="[m$^2$]", ylim=(5e-32, 5e-24))
 
     height = np.linspace(0.0, 62e3, 1241)
-    dark = Air(scattering=0.0)
-    for name, atmosphere, at, colour, dashes in (
-        ("Rayleigh 450 nm", Atmosphere(ozone=None), 450.0, BLUE, "-"),
-        ("Rayleigh 650 nm", Atmosphere(ozone=None), 650.0, RED, "-"),
-        ("ozone 600 nm, 300 DU", Atmosphere(air=dark, ozone=Ozone()), 600.0, VIOLET, "-"),
-        (f"dust, α = {ALPHA:.1e} m$^{{-1}}$", Atmosphere(dark, None, Dust(extinction=ALPHA)), 550.0, GOLD, "-"),
-        ("haze 550 nm, depth 0.1", Atmosphere(dark, None, None, Haze(optical_depth=0.1)), 550.0, GREEN, (0, (4, 2))),
+    everything = Atmosphere(dust=Dust(extinction=ALPHA), haze=Haze(optical_depth=0.1))
+    rayleigh, ozone, dust, haze = range(4)  # as in `Atmosphere.constituents`
+    values = np.asarray(_extinctions(everything, jnp.asarray(height), jnp.asarray([450.0, 550.0, 600.0, 650.0])))
+    for name, part, at, colour, dashes in (
+        ("Rayleigh 450 nm", rayleigh, 0, BLUE, "-"),
+        ("Rayleigh 650 nm", rayleigh, 3, RED, "-"),
+        ("ozone 600 nm, 300 DU", ozone, 2, VIOLET, "-"),
+        (f"dust, α = {ALPHA:.1e} m$^{{-1}}$", dust, 1, GOLD, "-"),
+        ("haze 550 nm, depth 0.1", haze, 1, GREEN, (0, (4, 2))),
     ):
-        value = np.asarray(extinction(atmosphere, height, at))
-        value = np.where(value > 1e-12, value, np.nan)
+        value = np.where(values[:, at, part] > 1e-12, values[:, at, part], np.nan)
         dim.semilogx(value, height / 1e3, color=colour, linestyle=dashes, label=name)
     dim.set(title="extinction", xlabel="[m$^{-1}$]", ylabel="height  [km]", xlim=(1e-8, 2e-4), ylim=(0, 62))
     dim.legend(loc="upper right")

@@ -4,7 +4,7 @@ import numpy as np
 
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.figures.page import Plate, row, styled
-from eclipsejax.figures.picture import AIRLESS, magnitudes_lost, moment, pictures, ready_gain, scene, shown
+from eclipsejax.figures.picture import airless, magnitudes_lost, moment, pictures, ready_gain, scene, shown
 from eclipsejax.figures.worlds import SITE, TOTAL
 
 FULL_MOON = -12.74  # mag, at mean distance
@@ -31,7 +31,7 @@ def danjon_plate(size: int = 320) -> Plate:
     - `size`: pixels along a side of each picture.
     """
     plate = Plate("Danjon's scale", 12.5, 6.0)
-    images = pictures(scene(TOTAL, SITE, size=size, sky=AIRLESS), strip())
+    images = pictures(scene(TOTAL, SITE, size=size, sky=airless()), strip())
     magnitudes = [FULL_MOON + magnitudes_lost(image) for image in images]
     gain = ready_gain(images[0])
     titles = [f"L = {luminosity(m):.1f}   ({m:+.1f} mag)" for m in magnitudes]

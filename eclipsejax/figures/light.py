@@ -7,14 +7,15 @@ import numpy as np
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_MEAN_DISTANCE
 from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
+from eclipsejax.figures.limb_rays import columns, limb_rays
 from eclipsejax.figures.page import COLOURS, FAINT, INK, Plate, panels, styled
-from eclipsejax.limb_table import grazing_rays
 from eclipsejax.response import LUMINANCE, encode_srgb, into_gamut, responses
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
 
 ARCMIN = np.pi / 10800  # rad
 ALPHA = 4.7e-6  # 1/m, dust of the paper
+DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))
 OFFSETS = (0, 15, 30, 42, 60)  # arcmin from the axis, of the spectra
 
 
@@ -27,6 +28,14 @@ def limbs() -> dict[str, Atmosphere]:
             dust=Dust(extinction=ALPHA), haze=Haze(optical_depth=0.1), clouds=Clouds(top=8e3, cover=0.97, width=4e3)
         ),
     }
+
+
+def _through(limb) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent heights up to 50 km [m], and what the limb lets pass, (height, wavelength)."""
+    rays = limb_rays(limb)
+    kept = np.asarray(limb.limb_transmission(jnp.asarray(rays.height)))[:, None]
+    low = rays.height <= 50e3
+    return rays.height[low], (np.exp(-rays.depth) * kept)[low]
 
 
 @eqx.filter_jit
@@ -47,14 +56,14 @@ def light_plate() -> Plate:
     upper = plate.add_gridspec(1, 2, left=0.06, right=0.985, top=0.955, bottom=0.64, wspace=0.17)
     sheet, curves = panels(upper)
     wavelength = sunlight_wavelengths()
-    height = np.linspace(0.0, 50e3, 251)
-    depth = np.asarray(grazing_rays(Atmosphere(), jnp.asarray(height), jnp.asarray(wavelength))[1])
+    through = {name: _through(limb) for name, limb in limbs().items()}
+    height, clear = through["clear air"]
     hues = np.clip(np.asarray(responses("srgb", wavelength)), 0.0, None)
     hues = 0.85 * hues / hues.max()
-    picture = encode_srgb(np.exp(-depth)[..., None] * hues)
+    picture = encode_srgb(clear[..., None] * hues)
     edges = (wavelength[0], wavelength[-1], 0, 50)
     sheet.imshow(np.asarray(picture), extent=edges, origin="lower", aspect="auto", interpolation="bilinear")
-    levels = sheet.contour(wavelength, height / 1e3, np.exp(-depth), [1e-4, 1e-2, 0.1, 0.5, 0.9], colors="white",
+    levels = sheet.contour(wavelength, height / 1e3, clear, [1e-4, 1e-2, 0.1, 0.5, 0.9], colors="white",
                            linewidths=0.7)  # fmt: skip
     sheet.clabel(levels, fmt=lambda value: f"{value:g}", fontsize=8)
     sheet.grid(False)
@@ -62,13 +71,10 @@ def light_plate() -> Plate:
         title="transmission of a grazing ray, clear air", xlabel="wavelength  [nm]", ylabel="tangent height  [km]"
     )
 
-    shown = np.searchsorted(wavelength, list(COLOURS))
-    for (name, limb), dashes in zip(limbs().items(), ("-", (0, (5, 2)), (0, (1, 1.5))), strict=True):
-        through = np.exp(-np.asarray(grazing_rays(limb, jnp.asarray(height), jnp.asarray(wavelength))[1])[:, shown])
-        through = through * np.asarray(limb.limb_transmission(jnp.asarray(height)))[:, None]
-        for column, (nm, colour) in enumerate(COLOURS.items()):
+    for (name, (_, passed)), dashes in zip(through.items(), DASHES, strict=True):
+        for (nm, colour), column in zip(COLOURS.items(), columns(COLOURS), strict=True):
             label = f"{nm:.0f} nm" if dashes == "-" else None
-            curves.semilogx(through[:, column], height / 1e3, color=colour, linestyle=dashes, label=label)
+            curves.semilogx(passed[:, column], height / 1e3, color=colour, linestyle=dashes, label=label)
         curves.plot([], [], color=INK, linestyle=dashes, label=name)
     curves.set(title="transmission", xlim=(1e-6, 1.5), ylim=(0, 50), ylabel="tangent height  [km]")
     curves.legend(loc="upper left")
@@ -119,7 +125,7 @@ def _spectra(panel, wavelength, offset, light) -> None:
 
 
 def _luminances(panel, offset, light) -> None:
-    for (name, values), dashes in zip(light.items(), ("-", (0, (5, 2)), (0, (1, 1.5))), strict=True):
+    for (name, values), dashes in zip(light.items(), DASHES, strict=True):
         luminance = sunlight_colour(values) @ np.asarray(LUMINANCE)
         panel.plot(offset, np.log2(luminance), color=INK, linestyle=dashes, label=name)
     panel.set(title="brightness across the shadow", ylabel="stops; full sunlight 0", xlim=(0, 90), ylim=(-21, 0.5))

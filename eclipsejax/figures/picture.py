@@ -21,8 +21,6 @@ FINER = 2  # pixels rendered along the side of one shown, so that the limb is no
 BLACK = 40.0  # mag, lost where no light arrives: the shadow's table ends at 1e-30
 READY = 0.8  # of full scale, for the bright part of a picture that is shown as bright as can be
 
-AIRLESS = Sky(pressure=0.0, aerosol_optical_depth=0.0, ozone_du=0.0)  # for a picture from above the observer's air
-
 prepared = eqx.filter_jit(renderer)
 
 
@@ -40,6 +38,11 @@ def scene(utc: str, site=(), *, size: int, roll: float = 0.0, **parts) -> Scene:
     """
     fine = FINER * size
     return Scene.at(utc, *site, camera=Camera(shape=(fine, fine), scale=FIELD / fine, roll=roll), **parts)
+
+
+def airless() -> Sky:
+    """No air at the observer's; of the same structure as any sky, so that one compilation serves."""
+    return Sky(pressure=0.0, aerosol_optical_depth=0.0, ozone_du=0.0)
 
 
 def zenith_up(utc: str, site) -> float:

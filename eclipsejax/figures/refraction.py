@@ -1,13 +1,14 @@
 """Rays bent by the air: their paths, and bending and optical depth by quadrature and by the paper's steps."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import EARTH_RADIUS
+from eclipsejax.figures.limb_rays import columns, limb_rays
 from eclipsejax.figures.page import COLOURS, FAINT, GOLD, GREEN, Plate, panels, styled
 from eclipsejax.figures.ray_path import ray_path
-from eclipsejax.limb_table import grazing_rays
 from eclipsejax.march import march_ray
 
 TANGENTS = (0.0, 2e3, 5e3, 10e3, 15e3, 20e3, 30e3)  # m, of the rays drawn
@@ -15,13 +16,15 @@ STEPS = (1000.0, 250.0)  # m
 SCALE_HEIGHT = 8e3  # m, of the glow that stands for air
 
 
+def index_at(atmosphere, wavelength, position):
+    """Refractive index of the air at a position from the Earth's centre (2,) [m]."""
+    altitude = jnp.sqrt(jnp.sum(position**2)) - EARTH_RADIUS
+    return 1.0 + atmosphere.refractivity(altitude, wavelength)
+
+
 def sunlit_path(atmosphere, tangent_height: float, wavelength: float, bending: float) -> np.ndarray:
     """Path of a ray that arrives level from the left, (point, 2) [m]: Earth's centre at (0, -EARTH_RADIUS)."""
-
-    def index(position):
-        altitude = jnp.sqrt(jnp.sum(position**2)) - EARTH_RADIUS
-        return 1.0 + atmosphere.refractivity(altitude, wavelength)
-
+    index = eqx.Partial(index_at, atmosphere, jnp.asarray(wavelength))
     start = np.array([0.0, EARTH_RADIUS + tangent_height])
     momentum = float(index(jnp.asarray(start))) * np.array([1.0, 0.0])
     half = ray_path(index, start, momentum, STEPS[0], 1000)
@@ -37,14 +40,18 @@ def refraction_plate() -> Plate:
     """Paths of seven rays; bending and optical depth against tangent height; the error of steps."""
     atmosphere = Atmosphere()
     plate = Plate("Sunlight bent by the air", 11.0, 8.6)
-    stretch = _paths(plate.add_axes((0.06, 0.56, 0.84, 0.385)), atmosphere)
+    rays = limb_rays(atmosphere)
+    shown = columns(COLOURS)
+    stretch = _paths(plate.add_axes((0.06, 0.56, 0.84, 0.385)), atmosphere, rays)
 
     grid = plate.add_gridspec(1, 3, left=0.06, right=0.985, top=0.45, bottom=0.07, wspace=0.28)
     bent, dim, wrong = panels(grid)
+    low = rays.height <= 50e3
+    fine, bending, depth = rays.height[low], rays.bending[low][:, shown], rays.depth[low][:, shown]
+    marched = np.linspace(0.0, 40e3, 17)
+    at = rays.nearest(marched)
+    exact_bending, exact_depth = bending[at], depth[at]
     wavelength = np.array(list(COLOURS))
-    fine, marched = np.linspace(0.0, 50e3, 201), np.linspace(0.0, 40e3, 17)
-    traced = grazing_rays(atmosphere, jnp.asarray(np.concatenate([fine, marched])), jnp.asarray(wavelength))
-    (bending, exact_bending), (depth, exact_depth) = (np.split(np.asarray(values), [fine.size]) for values in traced)
     steps = {step: march_ray(atmosphere, marched[:, None], wavelength, step) for step in STEPS}
     for column, (nm, colour) in enumerate(COLOURS.items()):
         bent.semilogx(np.degrees(bending[:, column]) * 60, fine / 1e3, color=colour, label=f"{nm:.0f} nm")
@@ -75,7 +82,7 @@ def refraction_plate() -> Plate:
     return plate
 
 
-def _paths(panel, atmosphere) -> float:
+def _paths(panel, atmosphere, rays) -> float:
     """Draws them; returns by how much heights are stretched."""
     reach = 720e3
     x, y = np.linspace(-reach, reach, 361), np.linspace(-45e3, 45e3, 181)
@@ -86,8 +93,8 @@ def _paths(panel, atmosphere) -> float:
     scene = (1 - ground) * sky + ground * np.array([0.07, 0.10, 0.09])
     edges = (-reach / 1e3, reach / 1e3, -45, 45)
     panel.imshow(np.clip(scene, 0, 1), extent=edges, origin="lower", aspect="auto", interpolation="bilinear")
-    bending = grazing_rays(atmosphere, jnp.asarray(TANGENTS), jnp.asarray([550.0]))[0][:, 0]
-    for tangent, turn in zip(TANGENTS, np.asarray(bending), strict=True):
+    bending = rays.bending[rays.nearest(TANGENTS)][:, columns([550.0])[0]]
+    for tangent, turn in zip(TANGENTS, bending, strict=True):
         path = sunlit_path(atmosphere, tangent, 550.0, float(turn)) / 1e3
         panel.plot(*path.T, color="#ffe2a0", linewidth=1.3)
         panel.plot([0, reach / 1e3], [path[0, 1]] * 2, color=FAINT, linewidth=0.7, linestyle=(0, (2, 4)))

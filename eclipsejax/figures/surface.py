@@ -1,5 +1,6 @@
 """The Moon as a reflector: spectrum, albedo map, and the laws by which its disc is shaded."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,9 +25,19 @@ def shaded_disc(moon: Moon, size: int) -> np.ndarray:
     squared = right**2 + up**2
     towards = np.sqrt(np.maximum(1.0 - squared, 0.0))  # cosine of incidence and of emission
     longitude, latitude = np.arctan2(right + 0 * up, towards), np.arcsin(np.clip(up + 0 * right, -1.0, 1.0))
-    light = np.asarray(moon.reflectance(towards, towards, FULL)) * np.asarray(moon.albedo(longitude, latitude))
+    light = np.asarray(_light(moon, *(jnp.asarray(value) for value in (towards, longitude, latitude))))
     light = light / light[squared < 1].mean()
     return light.reshape(size, 2, size, 2).mean(axis=(1, 3))
+
+
+@eqx.filter_jit
+def _law(moon, cosine):
+    return moon.reflectance(cosine, cosine, FULL)
+
+
+@eqx.filter_jit
+def _light(moon, towards, longitude, latitude):
+    return moon.reflectance(towards, towards, FULL) * moon.albedo(longitude, latitude)
 
 
 @styled
@@ -69,8 +80,7 @@ def surface_plate(size: int = 320) -> Plate:
     profile = plate.add_axes((0.705, 0.085, 0.28, 0.33))
     sine = np.linspace(-0.9999, 0.9999, 801)
     for law, colour in zip(LAWS, (GOLD, FAINT, INK), strict=True):
-        cosine = jnp.asarray(np.sqrt(1 - sine**2))
-        value = np.asarray(Moon(law=law).reflectance(cosine, cosine, FULL))
+        value = np.asarray(_law(Moon(law=law), jnp.asarray(np.sqrt(1 - sine**2))))
         profile.plot(sine, value, color=colour, label=NAMES[law])
     profile.set(title="across the full Moon, one albedo", xlabel="distance from the disc's centre  [radii]")
     profile.set(ylim=(0, 1.65))

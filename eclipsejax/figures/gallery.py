@@ -63,7 +63,7 @@ def plates(size: int = 320) -> dict[str, Callable[[], Plate]]:
 def write_gallery(directory: Path, size: int = 320, progress: Callable[[str], None] = lambda line: None) -> Path:
     """Write every plate as PNG, and `index.html` with all of them inside; returns the page.
 
-    Needs float64 (`jax_enable_x64`). Two minutes on two cores, most of it compilation.
+    Needs float64 (`jax_enable_x64`). Some 70 s of processor time, most of it compilation, which a session keeps.
 
     - `directory`: made if need be; files of the same names are replaced.
     - `size`: pixels along a side of each picture of the Moon.

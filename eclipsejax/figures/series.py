@@ -51,9 +51,9 @@ def mid_eclipse_plate(size: int = 320) -> Plate:
     ]
     row(plate, shots, top=0.93, bottom=0.06)
     plate.caption = (
-        f"{moment(TOTAL)} from Troy, {shutter(seconds)}, f/{F_NUMBER:g}, ISO {ISO:g}. The northern limb is deepest in "
-        "the umbra. A clear limb all around the Earth is brighter than any eclipse measured between 1990 and 2022; "
-        "clouds and haze dim the middle of the shadow more than its edge."
+        f"{moment(TOTAL)} from Troy, {shutter(seconds)}, f/{F_NUMBER:g}, ISO {ISO:g}. Dimming as seen through the air "
+        "there. The northern limb is deepest in the umbra. A clear limb all around the Earth is brighter than any "
+        "eclipse measured between 1990 and 2022; clouds and haze dim the middle of the shadow more than its edge."
     )
     return plate
 

@@ -21,6 +21,19 @@ from eclipsejax.traced import real
 GRADIENT_SPAN = 10.0  # m, over which the paper takes differences of the refractive index
 
 
+def stepped(index, position, momentum, step, span=GRADIENT_SPAN):
+    """(position, momentum) one straight piece further along a ray of any medium; momentum is n dx/dl.
+
+    - `index`: refractive index [-] at a position (2,) [m].
+    - `step`: length of the piece [m].
+    - `span`: over which differences of the index are taken [m].
+    """
+    reach = 0.5 * span * jnp.eye(2)
+    ahead, behind = jax.vmap(index)(position + reach), jax.vmap(index)(position - reach)
+    momentum = momentum + step * (ahead - behind) / span
+    return position + step * momentum / index(position), momentum
+
+
 def march_ray(atmosphere, tangent_height, wavelength, step=1000.0) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """(bending angle [rad], optical depth [-]) of a whole grazing ray, by stepping.
 
@@ -52,18 +65,12 @@ def _march_one(atmosphere, tangent_height, wavelength, step):
     def index(position):
         return 1.0 + atmosphere.refractivity(altitude(position), wavelength)
 
-    def index_gradient(position):
-        reach = 0.5 * GRADIENT_SPAN * jnp.eye(2)
-        ahead, behind = jax.vmap(index)(position + reach), jax.vmap(index)(position - reach)
-        return (ahead - behind) / GRADIENT_SPAN
-
     def extinction(position):
         return atmosphere.extinction(altitude(position), wavelength)
 
     def advance(state):
         position, momentum, absorbed, density = state
-        momentum = momentum + step * index_gradient(position)
-        position = position + step * momentum / index(position)
+        position, momentum = stepped(index, position, momentum, step)
         onward = extinction(position)
         return position, momentum, absorbed + 0.5 * step * (density + onward), onward
 

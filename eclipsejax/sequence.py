@@ -21,7 +21,7 @@ from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import ShadowTable, Tabulator, table_grid
 from eclipsejax.tolerance import reached
 
-WIDER = 3  # times as many offsets as for one picture: the Moon crosses the whole shadow
+WIDER = 2  # times as many offsets as for one picture: the Moon crosses the whole shadow
 
 
 class Sequence(eqx.Module):

@@ -16,6 +16,11 @@ constants errors traced tolerance calendar spectra air sounding_levels sounding 
 limb_table shadow sky_cells sky_flux shadow_operator moon sky response camera almanac ephemeris scene shadow_table
 wavelengths render sequence movie movie_file texture figures session cli
 """.split()
+# The same within the package of that name.
+FIGURES = """
+page colour limb_rays ray_path picture air tank refraction to_the_moon light surface worlds danjon series moonset
+gallery
+""".split()
 HOMES = {
     "colour": {"eclipsejax/response.py"},
     "skimage": {f"inverse/{name}.py" for name in ("disc_search", "limb_fit", "orientation", "registration")},
@@ -23,7 +28,7 @@ HOMES = {
     "emcee": {"inverse/posterior.py"},
     "dask": {"inverse/archive.py"},
 }
-DRAWERS = {"eclipsejax/figures.py"} | {
+DRAWERS = {"eclipsejax/figures/page.py"} | {
     f"inverse/{name}.py" for name in ("page", "comparison_plot", "corner_plot", "profile_plot")
 }
 HEAVY = ("colour", "skimage", "matplotlib", "emcee", "skyfield", "dask", "scipy", "jax")
@@ -50,9 +55,10 @@ def modules(package: str) -> dict[str, Path]:
 
 def siblings(path: Path, lazy: bool = True) -> set[str]:
     """Modules of its own package that a file imports."""
-    package = path.parent.name
-    named = {name.split(".")[1] for name in imports(path, lazy) if name.startswith(package + ".")}
-    return named & set(modules(package))
+    package = path.parent.relative_to(ROOT).as_posix()
+    dotted = package.replace("/", ".") + "."
+    named = {name.removeprefix(dotted).split(".")[0] for name in imports(path, lazy) if name.startswith(dotted)}
+    return named & (set(modules(package)) | {"figures"})
 
 
 @pytest.mark.parametrize("module", modules("eclipsejax"))
@@ -60,6 +66,15 @@ def test_imports_of_the_forward_model_run_one_way(module):
     assert module in ORDER, f"give {module} its place in the order of modules"
     above = set(ORDER[: ORDER.index(module)])
     assert siblings(modules("eclipsejax")[module]) <= above
+
+
+@pytest.mark.parametrize("module", modules("eclipsejax/figures"))
+def test_imports_of_the_figures_run_one_way(module):
+    assert module in FIGURES, f"give {module} its place in the order of modules"
+    path = modules("eclipsejax/figures")[module]
+    assert siblings(path) <= set(FIGURES[: FIGURES.index(module)])
+    named = {name.split(".")[1] for name in imports(path) if name.startswith("eclipsejax.")}
+    assert named & set(ORDER) <= set(ORDER[: ORDER.index("figures") + 1])
 
 
 def test_imports_of_the_inverse_run_in_no_circle():
@@ -78,14 +93,14 @@ def test_host_library_stays_in_its_home(library):
     for package in ("eclipsejax", "inverse"):
         for path in (ROOT / package).rglob("*.py"):
             users = {name.split(".")[0] for name in imports(path)}
-            assert library not in users or f"{package}/{path.name}" in HOMES[library], path.name
+            assert library not in users or path.relative_to(ROOT).as_posix() in HOMES[library], path.name
 
 
 def test_matplotlib_stays_in_the_modules_that_draw():
     for package in ("eclipsejax", "inverse"):
         for path in (ROOT / package).rglob("*.py"):
             if any(name.split(".")[0] == "matplotlib" for name in imports(path)):
-                assert f"{package}/{path.name}" in DRAWERS, path.name
+                assert path.relative_to(ROOT).as_posix() in DRAWERS, path.name
 
 
 def test_importing_the_package_loads_no_heavy_library():

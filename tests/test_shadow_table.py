@@ -127,3 +127,15 @@ def test_the_variable_of_the_table_can_be_undone():
     np.testing.assert_allclose(from_edge_at(variable(jnp.asarray(offset))), offset, rtol=1e-12, atol=1e-17)
     slope = jax.vmap(jax.grad(lambda x: from_edge_at(variable(x))))(jnp.asarray(offset))
     np.testing.assert_allclose(slope, 1.0, rtol=1e-9)
+
+
+def test_edge_of_a_shadow_without_air_is_dark():
+    # All light ends at the edge of the umbra: a cubic through the logs beside it would draw a bright line there.
+    bare = Atmosphere(Air(refraction=0.0, scattering=0.0), ozone=None)
+    table = table_of(bare, spanned(11e-3), jnp.eye(3))
+    edge = float(umbra_edge(DISTANCE, ASTRONOMICAL_UNIT, Sun().radius))
+    offset = edge + np.linspace(-4e-4, 4e-4, OFFSETS.size)
+    found = np.asarray(table(jnp.asarray(offset), jnp.full(offset.shape, DISTANCE)))
+    expected = np.asarray(irradiance(bare, offset, moon_distance=DISTANCE))
+    assert np.all(found[offset < edge - 2e-4] < 1e-6)
+    np.testing.assert_allclose(found, expected, atol=1e-3)

@@ -54,8 +54,8 @@ def add_camera(command: ArgumentParser, size: int):
     add("--size", type=number(8, 4096), default=size, metavar="PIXELS", help=f"default {size}")
     turn = "position angle of the picture's up direction, north through east; default 0"
     add("--roll", type=number(-360, 360), default=0.0, metavar="DEG", help=turn)
-    error = "relative error wanted of the light: 1e-2, 1e-3 (default), 1e-4 or 1e-5"
-    add("--tolerance", type=number(1e-5, 1e-1), default=1e-3, metavar="E", help=error)
+    error = "relative error wanted of the light: 1e-2 or 1e-3 (default)"
+    add("--tolerance", type=number(1e-3, 1e-1), default=1e-3, metavar="E", help=error)
     return group
 
 

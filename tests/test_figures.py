@@ -1,0 +1,208 @@
+"""The figures draw what they say: physics of what is drawn, a page that a browser can show."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from eclipsejax.atmosphere import Atmosphere
+from eclipsejax.camera import Exposure
+from eclipsejax.constants import EARTH_RADIUS
+from eclipsejax.errors import InputError
+from eclipsejax.figures import gallery
+from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
+from eclipsejax.figures.danjon import DUST, luminosity, strip
+from eclipsejax.figures.limb_rays import columns, limb_rays
+from eclipsejax.figures.page import Plate, photograph, styled
+from eclipsejax.figures.picture import (
+    BLACK,
+    airless,
+    darkness,
+    magnitudes_lost,
+    photographed,
+    pictures,
+    scene,
+    shutter,
+    zenith_up,
+)
+from eclipsejax.figures.refraction import sunlit_path
+from eclipsejax.figures.surface import shaded_disc
+from eclipsejax.figures.tank import BEAMS, FALL, march_error, marched, parabola, tank_index, tank_plate
+from eclipsejax.figures.worlds import PARTIAL, SITE, TOTAL, dusty, worlds
+from eclipsejax.moon import LAWS, Moon
+from eclipsejax.response import LUMINANCE
+
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def totality():
+    """Linear pictures of mid-eclipse, by name."""
+    airs = worlds() | {f"dust {alpha:g}": dusty(alpha) for alpha in (0.0, 4.7e-6, 1.0e-5)}
+    airs |= {f"L = {4 - i}": air for i, air in enumerate(strip())}
+    return dict(zip(airs, pictures(scene(TOTAL, SITE, size=SIZE, sky=airless()), airs.values()), strict=True))
+
+
+@pytest.mark.parametrize("beam", BEAMS)
+def test_beams_in_the_tank_obey_snell_at_every_height(beam):
+    # n cos(slope) is the same all along a ray through level layers: the parabola is checked without its own equation.
+    x = np.linspace(0.0, 0.5, 6)
+    slope = (parabola(beam[0], beam[1], x + 1e-6) - parabola(beam[0], beam[1], x - 1e-6)) / 2e-6
+    index = np.array([float(tank_index((0.0, y))) for y in parabola(beam[0], beam[1], x)])
+    np.testing.assert_allclose(index / np.hypot(1.0, slope), index[0] * np.cos(np.radians(beam[1])), rtol=1e-8)
+
+
+def test_march_through_the_tank_is_of_first_order():
+    errors = np.array([march_error(step) for step in (0.02, 0.01, 0.005)])
+    np.testing.assert_allclose(errors[:-1] / errors[1:], 2.0, rtol=0.1)
+    # Half a step of fall, felt over the whole tank, is what a step by Euler's rule loses: 0.6 m at n = 1.4 or so.
+    assert 0.5 < errors[0] / (0.25 * FALL * 0.02 * 0.6 / 1.4**2) < 2.0
+
+
+def test_marched_beam_ends_inside_the_tank():
+    path = marched(*BEAMS[-1], 0.01)
+    assert path[-1, 1] > 0.0 and path[0, 0] == 0.0 and np.all(np.diff(path[:, 0]) > 0.0)
+
+
+def test_drawn_ray_arrives_level_and_leaves_bent():
+    rays = limb_rays(Atmosphere())
+    bending = float(rays.bending[rays.nearest([5e3]), columns([550.0])][0])
+    path = sunlit_path(Atmosphere(), 5e3, 550.0, bending)
+    ends = np.diff(path[[0, 1, -2, -1]], axis=0)[[0, 2]]
+    slope = np.arctan2(ends[:, 1], ends[:, 0])
+    np.testing.assert_allclose(slope, [0.0, -bending], atol=2e-3 * bending)
+    height = np.hypot(path[:, 0], path[:, 1] + EARTH_RADIUS) - EARTH_RADIUS
+    assert height.min() == pytest.approx(5e3, abs=1.0)
+
+
+def test_rays_cross_the_axis_below_two_kilometres():
+    rays = limb_rays(Atmosphere())
+    landing = rays.arrival(3.844e8)[:, columns([550.0])[0]]
+    crossing = np.interp(0.0, landing[rays.height < 5e3], rays.height[rays.height < 5e3])
+    assert 1.2e3 < crossing < 2.0e3  # the bending is then asin(R / D) = 57'
+    assert landing[0] == pytest.approx(-993e3, abs=25e3)  # computed elsewhere, for the Sun at its true distance
+
+
+def test_whole_sunlight_has_luminance_one_and_red_light_is_red():
+    grid = sunlight_wavelengths()
+    white, red = sunlight_colour(np.stack([np.ones_like(grid), grid > 620.0]))
+    assert white @ np.asarray(LUMINANCE) == pytest.approx(1.0)
+    assert red[0] > 5 * abs(red[1]) and red[0] > 5 * abs(red[2])
+
+
+def test_worlds_grow_darker_and_redder_with_each_process(totality):
+    lost = [magnitudes_lost(totality[name]) for name in worlds()]
+    assert lost[0] > BLACK and darkness(totality["no air"]) == "black"
+    assert lost[1] < lost[2] - 1.0 < lost[3] - 1.0
+    redness = [image[..., 0].sum() / image[..., 2].sum() for image in (totality[name] for name in list(worlds())[1:3])]
+    assert redness[1] > 3 * redness[0]
+
+
+def test_clear_air_dims_the_moon_of_2008_by_nine_magnitudes(totality):
+    # 9.21 by the reference computation (SCIENCE 7b), for a disc of one albedo and with 0.30 mag for the opposition.
+    assert magnitudes_lost(totality["refraction, scattering, ozone"]) == pytest.approx(8.95, abs=0.35)
+
+
+def test_dust_dims_and_strip_gives_the_numbers_of_danjon(totality):
+    lost = [magnitudes_lost(totality[f"dust {alpha:g}"]) for alpha in (0.0, 4.7e-6, 1.0e-5)]
+    assert lost[0] < lost[1] - 1.0 < lost[2] - 2.0
+    found = [luminosity(magnitudes_lost(totality[f"L = {4 - i}"]) - 12.74) for i in range(len(DUST) + 1)]
+    np.testing.assert_allclose(found, [4, 3, 2, 1, 0], atol=0.1)
+
+
+def test_luminosity_inverts_the_relation():
+    for number in (0.0, 1.5, 4.0):
+        assert luminosity(4.2 - 3.0 * number + (number / 2) ** 2) == pytest.approx(number)
+
+
+def test_longer_exposures_are_brighter_and_saturate():
+    image = pictures(scene(PARTIAL, SITE, size=SIZE), [Atmosphere.typical()])[0]
+    shots = [photographed(image, Exposure(shutter_s=t, f_number=8.0, iso=800.0)) for t in (1 / 125, 1 / 6, 1.5)]
+    means = [shot.mean() for shot in shots]
+    assert means[0] < means[1] < means[2]
+    full = [np.mean(shot.min(axis=-1) == 255) for shot in shots]
+    assert 0.0 == full[0] < full[1] < full[2]
+
+
+def test_zenith_is_up_where_the_moon_sets():
+    # Flattened along the picture's columns only if the zenith is up.
+    site, utc = (40.42, -3.70), "2022-05-16T04:54:00Z"
+    image = pictures(scene(utc, site, size=SIZE, roll=zenith_up(utc, site)), [Atmosphere.typical()])[0]
+    disc = image.sum(axis=-1) > 0
+    tall, broad = (np.ptp(np.nonzero(disc.any(axis=axis))[0]) + 1 for axis in (1, 0))
+    assert 0.80 < tall / broad < 0.94  # 0.88, in whole pixels of 40
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_discs_of_the_laws(law):
+    disc = shaded_disc(Moon(law=law), 64)
+    radius = np.hypot(*np.meshgrid(*2 * [np.linspace(-1.05, 1.05, 64)]))
+    limb, middle = disc[(radius > 0.9) & (radius < 0.97)].mean(), disc[radius < 0.5].mean()
+    assert (limb < 0.6 * middle) if law == "lambert" else (limb > 0.75 * middle)
+    assert disc[radius > 1.04].max() == 0.0
+
+
+def test_shutter_speeds_are_written_as_photographers_do():
+    assert [shutter(t) for t in (1 / 125, 1 / 6, 0.5, 1.5)] == ["1/125 s", "1/6 s", "0.5 s", "1.5 s"]
+
+
+class Page(HTMLParser):
+    """What a page shows."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.pictures, self.words = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "img":
+            self.pictures.append(dict(attrs)["src"])
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def small(monkeypatch):
+    """A gallery of one figure."""
+    monkeypatch.setattr(gallery, "plates", lambda size: {"tank": tank_plate})
+
+
+def test_gallery_is_one_page_that_needs_no_other_file(tmp_path, monkeypatch):
+    small(monkeypatch)
+    lines = []
+    page = gallery.write_gallery(tmp_path / "new" / "folder", size=SIZE, progress=lines.append)
+    assert page.name == "index.html" and len(lines) == 1
+    with Image.open(page.with_name("tank.png")) as picture:
+        assert picture.width > 1000 and picture.info["Title"] == "A laser in sugar water"
+    shown = Page(page.read_text(encoding="utf-8"))
+    assert len(shown.pictures) == 1 and shown.pictures[0].startswith("data:image/png;base64,")
+    assert "half the step, half the error" in " ".join(shown.words)
+
+
+def test_gallery_in_a_file_is_refused(tmp_path, monkeypatch):
+    small(monkeypatch)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="choose another folder"):
+        gallery.write_gallery(tmp_path / "file")
+
+
+def test_every_plate_of_the_gallery_can_be_named_as_a_file():
+    assert len(gallery.plates(8)) == 13
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in gallery.plates(8))
+
+
+def test_plates_do_not_touch_the_style_of_the_user():
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+
+    @styled
+    def draw():
+        plate = Plate("a", 2, 2)
+        photograph(plate.add_axes((0, 0, 1, 1)), np.zeros((4, 4, 3), np.uint8), "title", "below")
+        return plate
+
+    assert "<figcaption>" in draw().html()
+    assert dict(matplotlib.rcParams) == before

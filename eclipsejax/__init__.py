@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from eclipsejax.render import render as render
     from eclipsejax.render import renderer as renderer
     from eclipsejax.response import display as display
+    from eclipsejax.scattered import scattered_irradiance as scattered_irradiance
+    from eclipsejax.scatterers import Scatterers as Scatterers
     from eclipsejax.scene import Scene as Scene
     from eclipsejax.shadow import shadow_irradiance as shadow_irradiance
     from eclipsejax.shadow_operator import shadow_operator as shadow_operator
@@ -59,6 +61,8 @@ _NAMES = {
     "moon": ["Moon"],
     "render": ["render", "renderer"],
     "response": ["display"],
+    "scattered": ["scattered_irradiance"],
+    "scatterers": ["Scatterers"],
     "scene": ["Scene"],
     "shadow": ["shadow_irradiance"],
     "shadow_operator": ["shadow_operator"],

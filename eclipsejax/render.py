@@ -112,6 +112,7 @@ def scene_tabulator(scene: Scene, tolerance: float) -> Tabulator:
         *channel_weights(scene, sampling.wavelengths),
         tolerance=error,
         count=sampling.offsets,
+        scatterers=scene.scatterers,
     )
 
 

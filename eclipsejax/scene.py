@@ -10,6 +10,7 @@ from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude, nearest_eclipse
 from eclipsejax.errors import InputError
 from eclipsejax.moon import Moon
+from eclipsejax.scatterers import Scatterers
 from eclipsejax.sky import Sky
 from eclipsejax.sun import Sun
 from eclipsejax.traced import safe_sqrt
@@ -105,6 +106,8 @@ class Scene(eqx.Module):
     """The screen."""
     sky: Sky | None = None
     """The observer's air; None for a picture above it."""
+    scatterers: Scatterers | None = None
+    """Of the light that the Earth's limb scatters into the shadow; None leaves that light out."""
 
     @classmethod
     def at(
@@ -122,7 +125,7 @@ class Scene(eqx.Module):
         - `utc`: ISO string with its zone.
         - `latitude`, `longitude`: geodetic, north and east positive [degrees].
         - `height`: [m].
-        - `parts`: `camera`, `sun`, `moon`, `sky`.
+        - `parts`: `camera`, `sun`, `moon`, `sky`, `scatterers`.
         """
         where = geometry(utc, latitude, longitude, height)
         check_eclipsed(where)

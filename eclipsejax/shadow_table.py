@@ -18,6 +18,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.scattered import ring_light
+from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
 from eclipsejax.traced import real
 
@@ -91,7 +93,7 @@ class ShadowTable(eqx.Module):
         )
 
         def along(entries):
-            """Between four neighbours; no brighter than the middle two, or a cubic would jut out beside total darkness."""
+            """Between four neighbours; not beyond the middle two, as a cubic would beside total darkness."""
             cubic = sum(w * entry for w, entry in zip(weights, entries, strict=True))
             return jnp.minimum(cubic, jnp.maximum(entries[1], entries[2]) + _OVERSHOOT)
 
@@ -140,15 +142,42 @@ class Tabulator(eqx.Module):
     grid: TableGrid
     operator: ShadowOperator
     weights: Float[Array, "wavelength channel"]
+    scatterers: Scatterers | None = None
+    """Of the light that the limb scatters into the shadow; None leaves it out."""
 
     def __call__(self, atmosphere) -> ShadowTable:
         """The table of the shadow over the Moon's disc."""
-        light = self.operator(atmosphere) @ self.weights  # (distance, offset, channel)
+        operator = self.operator
+        light = operator(atmosphere)
+        if self.scatterers is not None:
+            distance = operator.views.distance
+            offset = jax.vmap(self.grid.offsets_at)(distance)
+            light += ring_light(
+                atmosphere,
+                self.scatterers,
+                offset,
+                jnp.broadcast_to(distance[:, None], offset.shape),
+                operator.sun_distance,
+                self.grid.sun_radius / operator.sun_distance,
+                operator.darkening,
+                operator.wavelength,
+            )
+        light = light @ self.weights  # (distance, offset, channel)
         return self.grid.filled(jnp.broadcast_to(jnp.moveaxis(light, 0, 1), (self.grid.count, 2, light.shape[-1])))
 
 
 def tabulator(
-    sun, moon_distance, sun_distance, offsets, wavelength, weights, *, tolerance: float, count: int, deep: bool = True
+    sun,
+    moon_distance,
+    sun_distance,
+    offsets,
+    wavelength,
+    weights,
+    *,
+    tolerance: float,
+    count: int,
+    deep: bool = True,
+    scatterers: Scatterers | None = None,
 ) -> Tabulator:
     """What of a table does not depend on the atmosphere.
 
@@ -161,13 +190,13 @@ def tabulator(
     - `deep`: tabulate the nearest and the farthest distance of the lunar surface; else one between, and leave the
       Moon's depth to the table's variable, the offset from the umbra's edge: 1 % rms, 3 % at the limb
       (tests/test_likelihood.py).
+    - `scatterers`: adds the light that the limb scatters into the shadow; None leaves it out.
     """
     grid = table_grid(sun, moon_distance, sun_distance, offsets, count)
     distances = grid.distances if deep else grid.distances[1:] - 0.6 * MOON_RADIUS
     offset = jax.vmap(grid.offsets_at)(distances)
-    return Tabulator(
-        grid, shadow_operator(sun, offset, distances, sun_distance, wavelength, tolerance=tolerance), weights
-    )
+    operator = shadow_operator(sun, offset, distances, sun_distance, wavelength, tolerance=tolerance)
+    return Tabulator(grid, operator, weights, scatterers)
 
 
 def table_grid(sun, moon_distance, sun_distance, offsets, count: int) -> TableGrid:

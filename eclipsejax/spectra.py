@@ -20,6 +20,20 @@ def ciddor_refractivity(wavelength: Float[Array, ""]) -> Float[Array, ""]:
     return 1e-8 * (5792105.0 / (238.0185 - wavenumber_squared) + 167917.0 / (57.362 - wavenumber_squared))
 
 
+def king_factor(wavelength: Float[Array, ""]) -> Float[Array, ""]:
+    """What the anisotropy of molecules adds to Rayleigh scattering by dry air with 360 ppm CO2, as a factor [-].
+
+    Bates (1984), through Bodhaine et al. (1999), equations 5, 6 and 23.
+    """
+    um2 = (wavelength * 1e-3) ** 2
+    king_nitrogen = 1.034 + 3.17e-4 / um2
+    king_oxygen = 1.096 + 1.385e-3 / um2 + 1.448e-4 / um2**2
+    carbon_dioxide = 0.036  # per cent by volume
+    return (78.084 * king_nitrogen + 20.946 * king_oxygen + 0.934 + carbon_dioxide * 1.15) / (
+        78.084 + 20.946 + 0.934 + carbon_dioxide
+    )
+
+
 def rayleigh_cross_section(wavelength: Float[Array, ""]) -> Float[Array, ""]:
     """Rayleigh scattering cross-section of a molecule of dry air with 360 ppm CO2 [m^2].
 
@@ -30,15 +44,9 @@ def rayleigh_cross_section(wavelength: Float[Array, ""]) -> Float[Array, ""]:
     index_300ppm = 1e-8 * (8060.51 + 2480990.0 / (132.274 - 1.0 / um2) + 17455.7 / (39.32957 - 1.0 / um2))
     refractivity = index_300ppm * (1.0 + 0.54 * (360e-6 - 300e-6))
     n_squared_less_one = refractivity * (2.0 + refractivity)  # without the cancellation, for float32
-    king_nitrogen = 1.034 + 3.17e-4 / um2
-    king_oxygen = 1.096 + 1.385e-3 / um2 + 1.448e-4 / um2**2
-    carbon_dioxide = 0.036  # per cent by volume
-    king = (78.084 * king_nitrogen + 20.946 * king_oxygen + 0.934 + carbon_dioxide * 1.15) / (
-        78.084 + 20.946 + 0.934 + carbon_dioxide
-    )
     # In the units of micrometres and 1e25 m^-3, so that float32 neither overflows nor underflows on the way.
     polarisability = n_squared_less_one / ((3.0 + n_squared_less_one) * STANDARD_NUMBER_DENSITY * 1e-25)
-    return 24.0 * jnp.pi**3 * polarisability**2 / um2**2 * king * 1e-26
+    return 24.0 * jnp.pi**3 * polarisability**2 / um2**2 * king_factor(wavelength) * 1e-26
 
 
 @cache

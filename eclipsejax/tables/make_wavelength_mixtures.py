@@ -26,8 +26,8 @@ RESPONSES = ("xyz", "nikon_5100", "sigma_sdmerill")
 
 def nodes(wavelength: np.ndarray, count: int) -> np.ndarray:
     """Indices of wavelengths equally spaced in 1 / wavelength."""
-    ends = 1.0 / wavelength[[1, -2]]
-    return np.array([np.argmin(np.abs(wavelength - 1.0 / x)) for x in np.linspace(*ends, count)])
+    inverse = np.linspace(1.0 / wavelength[1], 1.0 / wavelength[-2], count)
+    return np.array([np.argmin(np.abs(wavelength - 1.0 / x)) for x in inverse])
 
 
 def mixture(light: np.ndarray, wavelength: np.ndarray, chosen: np.ndarray) -> np.ndarray:

@@ -34,10 +34,12 @@ class Sampling(NamedTuple):
 
 
 # Errors of a pixel, relative to its brightest channel, over the discs of totality and partiality and all their depth
-# (tests/test_shadow_table.py): 1e-2 and 1e-3, but 3e-3 at a caustic near the axis when the ground is at 255 K, and ten
+# (tests/test_shadow_table.py): 1e-2 and 1e-3, but 3e-3 at a caustic near the axis when the ground is at 255 K, and 15
 # times the tolerance within 0.3' of where the Sun sets behind dust of 3e-5 /m. More entries do not make it better:
 # what is left comes from going linearly from the nearest to the farthest distance.
 SAMPLINGS = {1e-2: Sampling(128, 8), 1e-3: Sampling(320, 24)}
+# Beyond 1' from the umbra's edge direct light hides most of what the air does.
+PENUMBRAL_SAMPLINGS = {1e-2: Sampling(40, 8), 1e-3: Sampling(96, 24)}
 
 
 class Renderer(eqx.Module):
@@ -101,8 +103,9 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
 
 def scene_tabulator(scene: Scene, tolerance: float) -> Tabulator:
     """What makes the table of a scene's shadow for any atmosphere, in the camera's channels."""
-    error = reached(SAMPLINGS, tolerance)
-    sampling = SAMPLINGS[error]
+    samplings = SAMPLINGS if scene.umbral else PENUMBRAL_SAMPLINGS
+    error = reached(samplings, tolerance)
+    sampling = samplings[error]
     geometry = scene.geometry
     return tabulator(
         scene.sun,

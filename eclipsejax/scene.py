@@ -13,6 +13,7 @@ from eclipsejax.moon import Moon
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.sky import Sky
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import sky_angle
 from eclipsejax.traced import safe_sqrt
 
 
@@ -108,6 +109,8 @@ class Scene(eqx.Module):
     """The observer's air; None for a picture above it."""
     scatterers: Scatterers | None = None
     """Of the light that the Earth's limb scatters into the shadow; None leaves that light out."""
+    umbral: bool = eqx.field(static=True, default=True)
+    """Whether some of the Moon may be in the umbra, or within 1' of it: without, less work does (`render`)."""
 
     @classmethod
     def at(
@@ -125,10 +128,11 @@ class Scene(eqx.Module):
         - `utc`: ISO string with its zone.
         - `latitude`, `longitude`: geodetic, north and east positive [degrees].
         - `height`: [m].
-        - `parts`: `camera`, `sun`, `moon`, `sky`, `scatterers`.
+        - `parts`: `camera`, `sun`, `moon`, `sky`, `scatterers`, `umbral`.
         """
         where = geometry(utc, latitude, longitude, height)
         check_eclipsed(where)
+        parts.setdefault("umbral", touches_umbra(where, parts.get("sun", Sun())))
         if latitude is not None and moon_altitude(where) < np.radians(-1.0):
             raise InputError(
                 f"At {where.utc} the Moon is {-np.degrees(moon_altitude(where)):.0f} degrees below the horizon of "
@@ -137,6 +141,14 @@ class Scene(eqx.Module):
         if latitude is not None and "sky" not in parts:
             parts["sky"] = Sky(height=height)
         return cls(where, **parts)
+
+
+def touches_umbra(where: Geometry, sun: Sun) -> bool:
+    """Whether any of the Moon is in the umbra of a ball, or within 1' of it."""
+    distance, sun_distance = jnp.linalg.norm(where.moon) - MOON_RADIUS, jnp.linalg.norm(where.sun)
+    edge = sky_angle(EARTH_RADIUS, distance, sun_distance) - jnp.arcsin(sun.radius / sun_distance)
+    nearest = axis_offset(where, where.moon) - jnp.arcsin(MOON_RADIUS / distance)
+    return bool(nearest < edge + np.radians(1.0 / 60.0))
 
 
 def check_eclipsed(where: Geometry) -> None:

@@ -25,13 +25,17 @@ def channel_weights(sun: Sun, moon: Moon, response: str, count: int):
     The uneclipsed Moon has 1 in the second channel: luminance or green.
 
     - `response`: "srgb", of which the channels are XYZ, or a camera of `response.responses`.
-    - `count`: 8, 16, 24 or 48 wavelengths: 8 are for "srgb" and the default Sun alone, where else 16 are taken.
+    - `count`: 8, 16, 24 or 48 wavelengths, of which those that the response does not see are left out; 8 are for
+      "srgb" and the default Sun alone, where else 16 are taken.
     """
     if count == 8 and response == "srgb" and sun.spectrum == Sun().spectrum:
         return few_wavelengths()
     wavelength, mixture = mixtures(max(count, 16))
-    _, weights = binned_weights(sun, moon, "xyz" if response == "srgb" else response, MANY)
-    return jnp.asarray(wavelength), jnp.asarray(mixture).T @ weights
+    name = "xyz" if response == "srgb" else response
+    middle, weights = binned_weights(sun, moon, name, MANY)
+    seen = np.abs(mixture).T @ responses(name, np.asarray(middle)) > 0.0  # a camera's filter passes less than the eye
+    kept = np.any(seen, axis=1)
+    return jnp.asarray(wavelength[kept]), jnp.asarray(mixture[:, kept]).T @ weights
 
 
 def binned_weights(sun: Sun, moon: Moon, response: str, count: int):

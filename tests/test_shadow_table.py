@@ -8,7 +8,7 @@ from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Dust
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS
 from eclipsejax.moon import Moon
-from eclipsejax.render import SAMPLINGS
+from eclipsejax.render import PENUMBRAL_SAMPLINGS, SAMPLINGS
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import from_edge_at, tabulator, umbra_edge, variable
 from eclipsejax.sun import Sun
@@ -46,10 +46,16 @@ def test_table_holds_the_shadow_at_its_entries():
         np.testing.assert_allclose(found, irradiance(Atmosphere.typical(), offset, moon_distance=distance), rtol=1e-4)
 
 
-@pytest.mark.parametrize("centre", [0.0, 5e-3, 9e-3, 14e-3, 21e-3])
-def test_shadow_of_a_picture_at_every_point_of_the_disc(centre, over_the_depth):
+CENTRES = [(SAMPLINGS, centre) for centre in (0.0, 5e-3, 9e-3, 14e-3)] + [
+    (PENUMBRAL_SAMPLINGS, 17.1e-3),
+    (PENUMBRAL_SAMPLINGS, 21e-3),
+]
+
+
+@pytest.mark.parametrize(("samplings", "centre"), CENTRES)
+def test_shadow_of_a_picture_at_every_point_of_the_disc(samplings, centre, over_the_depth):
     # As the renderer looks it up, against the operator at 1e-5 at the points themselves.
-    for tolerance, sampling in SAMPLINGS.items():
+    for tolerance, sampling in samplings.items():
         weights = channel_weights(Sun(), Moon(), "srgb", sampling.wavelengths)
         table = prepared_table(spanned(centre), *weights, tolerance=tolerance, count=sampling.offsets)
         for slack, atmosphere in LIMBS:
@@ -65,7 +71,7 @@ LIMBS = [
     (1.0, Atmosphere.typical()),
     (1.3, Atmosphere()),
     (1.3, Atmosphere(dust=Dust(1e-5))),
-    (12.0, Atmosphere(dust=Dust(3e-5))),
+    (16.0, Atmosphere(dust=Dust(3e-5))),
     (3.0, Atmosphere(air=Air(255.0, 98e3))),
 ]
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 ORDER = """
 constants errors traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight
 limb_table shadow sky_cells sky_flux shadow_operator moon sky response camera almanac ephemeris scene shadow_table
-render figures session cli
+render photometry umbra figures session cli
 """.split()
 HOMES = {
     "colour": {"eclipsejax/response.py"},

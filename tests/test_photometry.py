@@ -26,6 +26,11 @@ measured = eqx.filter_jit(lambda disc, atmosphere: disc(atmosphere))
 sloped = eqx.filter_jit(eqx.filter_grad(lambda atmosphere, disc: disc(atmosphere).magnitude))
 
 
+def table_of(path):
+    with path.open() as lines:
+        return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
 def limb(ozone=300.0, dust=0.0, haze=0.0, top=0.0, cover=0.0, width=1e3):
     return Atmosphere(ozone=Ozone(ozone), dust=Dust(dust), haze=Haze(haze), clouds=Clouds(top, cover, width))
 
@@ -41,9 +46,7 @@ def discs():
 
 @pytest.fixture(scope="module")
 def observed():
-    with DATA.open() as lines:
-        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-        return {(row["date"], row["quantity"]): float(row["value"]) for row in rows}
+    return {(row["date"], row["quantity"]): float(row["value"]) for row in table_of(DATA)}
 
 
 def observed_dimming(observed, discs, day):
@@ -66,11 +69,10 @@ def test_measured_eclipses_lie_about_the_typical_one_and_below_the_clear_one(dis
 
 
 def test_disc_is_as_dim_as_an_independent_calculation_says(discs, shared):
-    # A uniform disc without opposition surge, grey dust in 15-25 km, opaque clouds below 8 km, 345.75 DU. The light
-    # from the Earth's limb arrives at a smaller phase than the full Moon's, which brightens ours by 0.05 mag; and ours
-    # has maria, in the bright or in the dark half of the disc.
-    with (shared / "reference" / "disk_magnitude_reference.csv").open() as lines:
-        rows = {row["date"]: row for row in csv.DictReader(line for line in lines if not line.startswith("#"))}
+    # A uniform disc without opposition surge, grey dust in 15-25 km, opaque clouds below 8 km, 345.75 DU. Ours has
+    # maria: it is up to 0.17 mag brighter where the southern highlands are at the bright rim of the umbra (1990,
+    # 2008), and up to 0.11 mag fainter where the northern maria are.
+    rows = {row["date"]: row for row in table_of(shared / "reference" / "disk_magnitude_reference.csv")}
     cases = {
         "dm_clear": limb(345.75),
         "dm_cloud8": limb(345.75, top=8e3, cover=1.0, width=100.0),
@@ -78,10 +80,14 @@ def test_disc_is_as_dim_as_an_independent_calculation_says(discs, shared):
         "dm_tau01_cloud8": limb(345.75, dust=1e-6, top=8e3, cover=1.0, width=100.0),
         "dm_tau10": limb(345.75, dust=1e-5),
     }
-    for day in DAYS:
-        for name, atmosphere in cases.items():
-            found = float(measured(discs[day], atmosphere).dimming)
-            assert found + 0.05 == pytest.approx(float(rows[day][name]), abs=0.15), (day, name)
+    excess = np.array(
+        [
+            [float(measured(discs[day], atmosphere).dimming) - float(rows[day][name]) for day in DAYS]
+            for name, atmosphere in cases.items()
+        ]
+    )
+    assert np.abs(excess).max() < 0.2
+    assert np.abs(excess.mean(axis=1)).max() < 0.05
 
 
 def test_moon_at_the_edge_of_the_penumbra_is_full(discs):
@@ -91,8 +97,8 @@ def test_moon_at_the_edge_of_the_penumbra_is_full(discs):
 
 
 def test_zero_point_is_that_of_rolo_and_near_what_was_measured(shared, observed):
-    table = np.genfromtxt(shared / "reference" / "rolo_coefficients.csv", delimiter=",", names=True, comments="#")
-    row = table[table["nm"] == 549.1][0]
+    rows = table_of(shared / "reference" / "rolo_coefficients.csv")
+    row = {name: float(value) for name, value in next(row for row in rows if row["nm"] == "549.1").items()}
     # Kieffer & Stone 2005, equation 10, without libration; phase in radians but for the exponentials, in degrees.
     p1, p2, p3, p4 = 4.06054, 12.8802, -30.5858, 16.7498
     g = np.radians(1.5)
@@ -135,7 +141,9 @@ def test_finer_samples_see_the_same_disc(discs):
     points = disc_points(scene.geometry, east, north)
     grid = disc.renderer.tabulator.grid
     places = grid.places(axis_offset(scene.geometry, points.position), jnp.linalg.norm(points.position, axis=-1))
-    light = eqx.filter_jit(lambda table, places: table(Atmosphere.typical()).at(places))(disc.renderer.tabulator, places)
+    light = eqx.filter_jit(lambda table, places: table(Atmosphere.typical()).at(places))(
+        disc.renderer.tabulator, places
+    )
     full = scene.moon.reflectance(1.0, 1.0, FULL_MOON_PHASE) / scene.moon.reflectance(1.0, 1.0, 0.0)
     shape = scene.moon.reflectance(points.incidence_cosine, points.emission_cosine, points.phase_angle) / full
     many = light[:, 1] * shape * scene.moon.albedo(points.longitude, points.latitude)
@@ -147,7 +155,7 @@ def test_finer_samples_see_the_same_disc(discs):
 def test_fields_are_as_dark_as_the_shadow_there():
     scene, atmosphere = scene_on("2019-01-21"), Atmosphere.typical()
     east, north = np.array([0.0, 0.5, -0.3, 1.2]), np.array([0.0, 0.6, -0.7, 0.0])
-    found = np.asarray(field_stops(scene, atmosphere, east, north, response="nikon_5100", tolerance=1e-2))
+    found = np.asarray(field_stops(scene, atmosphere, east, north, response="nikon_5100"))
     assert np.all(np.isnan(found[3])) and found.shape == (4, 3)
 
     radius = np.tan(np.arcsin(MOON_RADIUS / float(jnp.linalg.norm(scene.geometry.moon))))
@@ -158,6 +166,6 @@ def test_fields_are_as_dark_as_the_shadow_there():
         atmosphere, offset, weights[0], moon_distance=distance, sun_distance=jnp.linalg.norm(scene.geometry.sun)
     )
     stops = np.log2(light @ weights[1] / weights[1].sum(axis=0))
-    # The opposition surge adds a tenth of a stop.
-    surge = found[:3] - stops
-    assert np.all(surge > 0.05) and np.all(surge < 0.2) and np.ptp(surge) < 0.05
+    cosines = points.incidence_cosine, points.emission_cosine
+    surge = scene.moon.reflectance(*cosines, points.phase_angle) / scene.moon.reflectance(*cosines, FULL_MOON_PHASE)
+    np.testing.assert_allclose(found[:3], stops + np.log2(surge)[:, None], atol=0.01)

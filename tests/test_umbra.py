@@ -65,6 +65,6 @@ def test_ozone_paints_the_rim_of_the_umbra_blue():
         np.divide(*np.asarray(shadow_irradiance(limb(column), offset, [450.0, 620.0], **DISTANCES)).T)
         for column in (300.0, 0.0)
     )
-    edge = float(umbra_edge(*DISTANCES.values(), Sun().radius))
+    edge = float(umbra_edge(DISTANCES["moon_distance"], DISTANCES["sun_distance"], Sun().radius))
     assert with_ozone.max() > 1.1 and abs(offset[np.argmax(with_ozone)] - edge) < 1.5e-4
     assert without.max() < 1.0

@@ -1,7 +1,7 @@
 """Where the umbra seems to end: the size of the Earth's shadow as observers who time craters see it.
 
 The light falls smoothly through the edge of the umbra. The eye judges ratios of brightness, so the edge is taken where
-the logarithm of the luminance is steepest; the luminance itself is steepest 750 km further out, amid the penumbra.
+the logarithm of the luminance is steepest; the luminance itself is steepest far out in the penumbra.
 """
 
 import equinox as eqx

@@ -72,7 +72,7 @@ def danjon(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Brightness:
     real limbs differ by that much. Direct light only, which matters little to luminance. Differentiable by the
     atmosphere. For many atmospheres prepare the scene once: `photometer(scene)(atmosphere)`.
 
-    - `tolerance`: of the irradiance, as in `render`; the samples on the disc add 1e-3.
+    - `tolerance`: of the irradiance, as in `render`.
     """
     return photometer(scene, tolerance=tolerance)(atmosphere)
 

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from eclipsejax.limb_table import grazing_rays as grazing_rays
     from eclipsejax.march import march_ray as march_ray
     from eclipsejax.moon import Moon as Moon
+    from eclipsejax.photometry import Brightness as Brightness
+    from eclipsejax.photometry import danjon as danjon
+    from eclipsejax.photometry import field_stops as field_stops
+    from eclipsejax.photometry import photometer as photometer
     from eclipsejax.render import render as render
     from eclipsejax.render import renderer as renderer
     from eclipsejax.response import display as display
@@ -47,6 +51,8 @@ if TYPE_CHECKING:
     from eclipsejax.sounding import Sounding as Sounding
     from eclipsejax.sun import Sun as Sun
     from eclipsejax.sun import limb_darkening as limb_darkening
+    from eclipsejax.umbra import umbra_enlargement as umbra_enlargement
+    from eclipsejax.umbra import umbra_radius as umbra_radius
 
 _NAMES = {
     "air": ["Air"],
@@ -59,6 +65,7 @@ _NAMES = {
     "limb_table": ["grazing_rays"],
     "march": ["march_ray"],
     "moon": ["Moon"],
+    "photometry": ["Brightness", "danjon", "field_stops", "photometer"],
     "render": ["render", "renderer"],
     "response": ["display"],
     "scattered": ["scattered_irradiance"],
@@ -69,6 +76,7 @@ _NAMES = {
     "sky": ["Sky"],
     "sounding": ["Sounding"],
     "sun": ["Sun", "limb_darkening"],
+    "umbra": ["umbra_enlargement", "umbra_radius"],
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -139,16 +139,21 @@ class Atmosphere(eqx.Module):
 
     @classmethod
     def typical(cls) -> "Atmosphere":
-        """The limb as eclipses find it: clouds to 8 km, haze, background dust.
+        """The limb as eclipses find it: clouds to 11.5 km on 85 % of it, haze, background dust.
 
-        Cloud top and cover are those with which the totality photograph of 2022-05-16 is fitted with a plausible
-        tone curve; a clear limb is 0.6-2.2 mag brighter than every eclipse measured between 1990 and 2022. Dust is a
-        quiet stratosphere: vertical optical depth 0.005.
+        With it the magnitudes of five eclipses from 1990 to 2022 come out within 0.65 mag, neither too bright nor too
+        dark on the whole (`notebooks/brightness_of_eclipses.ipynb`); a clear limb is 0.7-2.1 mag too bright for all.
+        Clouds fill a sixth of the troposphere (CloudSat and CALIPSO, Remote Sens. 2023, 15, 3978), and a ray that runs
+        400 km within a kilometre of its lowest point seldom passes below their highest tops. Dust has the vertical
+        optical depth 0.01, that of the stratosphere between larger eruptions: 0.008 in the mean of 2006-2015 (Friberg
+        et al. 2018).
         """
         return cls(
-            dust=Dust(extinction=5e-7),
+            dust=Dust(extinction=1e-6),
             haze=Haze(optical_depth=0.1),
-            clouds=Clouds(top=8e3, cover=0.97, width=4e3),
+            # Not 11 km: a break 19 m below the tropopause of the standard air leaves the cusp under that within its
+            # panel, and the shadow on the axis 2.5e-6 off where 1e-6 is promised.
+            clouds=Clouds(top=11.5e3, cover=0.85, width=8e3),
         )
 
     @property

@@ -16,6 +16,7 @@ from eclipsejax.moon import Moon
 from eclipsejax.response import responses
 from eclipsejax.sun import Sun
 
+ENDS = (380.0, 780.0)  # nm
 MANY = 200  # wavelengths of the reference, as in Yapo & Cutler (2009)
 
 
@@ -32,8 +33,8 @@ def channel_weights(sun: Sun, moon: Moon, response: str, count: int):
         return few_wavelengths()
     wavelength, mixture = mixtures(max(count, 16))
     name = "xyz" if response == "srgb" else response
-    middle, weights = binned_weights(sun, moon, name, MANY)
-    seen = np.abs(mixture).T @ responses(name, np.asarray(middle)) > 0.0  # a camera's filter passes less than the eye
+    _, weights = binned_weights(sun, moon, name, MANY)
+    seen = np.abs(mixture).T @ responses(name, middles(MANY)) > 0.0  # a camera's filter passes less than the eye
     kept = np.any(seen, axis=1)
     return jnp.asarray(wavelength[kept]), jnp.asarray(mixture[:, kept]).T @ weights
 
@@ -44,12 +45,18 @@ def binned_weights(sun: Sun, moon: Moon, response: str, count: int):
     Each weight is the integral of Sun x Moon x response over a bin, on a 0.5 nm grid, so that Fraunhofer lines
     average out; the irradiance is taken at the bin's middle.
     """
-    bins = np.linspace(380.0, 780.0, count + 1)
+    bins = np.linspace(*ENDS, count + 1)
     fine = np.arange(380.25, 780.0, 0.5)
     light = sun.irradiance(jnp.asarray(fine)) * moon.spectrum(jnp.asarray(fine))
     member = np.clip(np.searchsorted(bins, fine) - 1, 0, count - 1)[None, :] == np.arange(count)[:, None]
     weights = jnp.asarray(member, dtype=float) @ (light[:, None] * responses(response, fine))
-    return jnp.asarray(0.5 * (bins[1:] + bins[:-1])), weights / jnp.sum(weights[:, 1])
+    return jnp.asarray(middles(count)), weights / jnp.sum(weights[:, 1])
+
+
+def middles(count: int) -> np.ndarray:
+    """Middles of equal bins [nm]."""
+    bins = np.linspace(*ENDS, count + 1)
+    return 0.5 * (bins[1:] + bins[:-1])
 
 
 @cache

@@ -34,15 +34,17 @@ class Counts(NamedTuple):
     dispersion: int  # refractivities at which rays are traced, for all wavelengths
     cells: int  # edges of cells of sky angle, besides those where the Sun is touched
     piece: int  # nodes on the rays of a cell
+    arc: int  # nodes on an arc of the Sun
+    fit: int  # angles of a cell at which arcs are fitted
 
 
 # Measured against `shadow_irradiance` (tests/test_shadow_operator.py): offsets of totality and partiality, 390-770 nm,
 # light down to 1e-12, 250-310 K, dust from none to an extinction of 3e-5 /m: largest errors 9e-3, 7e-4, 6e-5 and 2e-6.
 COUNTS = {
-    1e-2: Counts(ray=5, table=8, dispersion=2, cells=80, piece=3),
-    1e-3: Counts(ray=6, table=10, dispersion=2, cells=96, piece=4),
-    1e-4: Counts(ray=8, table=13, dispersion=3, cells=160, piece=5),
-    1e-5: Counts(ray=12, table=18, dispersion=4, cells=512, piece=6),
+    1e-2: Counts(ray=5, table=8, dispersion=2, cells=80, piece=3, arc=4, fit=7),
+    1e-3: Counts(ray=6, table=10, dispersion=2, cells=96, piece=4, arc=4, fit=7),
+    1e-4: Counts(ray=8, table=13, dispersion=3, cells=160, piece=5, arc=6, fit=8),
+    1e-5: Counts(ray=12, table=18, dispersion=4, cells=512, piece=6, arc=8, fit=10),
 }
 
 
@@ -105,7 +107,8 @@ def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tol
 
     def view(offset, distance):
         cells = SkyCells.around(offset, radius, counts.cells)
-        arcs = jax.lax.map(lambda one: cells.arcs(one, radius), offset)  # each needs much room on the way
+        # One after the other: each needs much room on the way.
+        arcs = jax.lax.map(lambda one: cells.arcs(one, radius, counts.arc, counts.fit), offset)
 
         def direct_and_whole(offset, darkening):
             orders = {"order": _DIRECT_ORDER, "arc_order": _ARC_ORDER}

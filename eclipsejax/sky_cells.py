@@ -15,9 +15,6 @@ from jaxtyping import Array, Float
 from eclipsejax.arc import arc_moments
 from eclipsejax.sunlight import clustered
 
-_ARC_ORDER = 8
-_NODES = 10  # of a cell, to which the functions are fitted
-
 
 class SkyCells(eqx.Module):
     """Cells of |psi|, ascending."""
@@ -44,11 +41,17 @@ class SkyCells(eqx.Module):
         """Number of the cell in which |psi| lies; -1 below the first, `count` above the last."""
         return jnp.searchsorted(self.edges, jnp.abs(psi), side="right") - 1
 
-    def arcs(self, offset: Float[Array, ""], sun_radius: Float[Array, ""]) -> Float[Array, "cell function power"]:
-        """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`."""
-        node, weight = clustered(_NODES)
+    def arcs(
+        self, offset: Float[Array, ""], sun_radius: Float[Array, ""], order: int, nodes: int
+    ) -> Float[Array, "cell function power"]:
+        """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`.
+
+        - `order`: nodes on an arc.
+        - `nodes`: angles of a cell to which the functions are fitted, 5 or more.
+        """
+        node, weight = clustered(nodes)
         lower, upper = self.edges[:-1, None], self.edges[1:, None]
-        moments = arc_moments(offset, lower + (upper - lower) * node, sun_radius, _ARC_ORDER)
+        moments = arc_moments(offset, lower + (upper - lower) * node, sun_radius, order)
         root = jnp.sqrt(weight)[:, None]
         fit = jnp.linalg.pinv(root * functions(node)) * root.T
         return jnp.einsum("kn,cnm->ckm", fit, moments)

@@ -38,6 +38,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.rays
 	$(BIN)/python -m benchmarks.shadow_peers
 	$(BIN)/python -m benchmarks.shadow_speed
+	$(BIN)/python -m benchmarks.scenes
 	$(BIN)/python -m benchmarks.picture
 
 render: $(READY)

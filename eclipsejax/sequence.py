@@ -5,6 +5,7 @@ it, how far away, and how high above the observer's horizon.
 """
 
 from collections.abc import Sequence as Ordered
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -51,7 +52,7 @@ def sequence(scene: Scene, instants: Ordered[Geometry], atmosphere, *, tolerance
     1e-3 totality is right to 1.4e-3 rms (`render`: 1.0e-3), and to 1e-2 in a thin ring, as far from the axis as the
     Sun is wide, where the light has a kink and the table few entries.
 
-    - `scene`: any of the pictures wanted, for its sun, moon and camera response.
+    - `scene`: any of the pictures wanted, for its sun, moon, scatterers and camera response.
     - `instants`: the geometries of all of them, or of the first, the deepest and the last.
     - `atmosphere`: along the Earth's limb.
     - `tolerance`: relative error wanted of the irradiance, as in `render`.
@@ -60,7 +61,7 @@ def sequence(scene: Scene, instants: Ordered[Geometry], atmosphere, *, tolerance
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *instants)
     moon, sun = (jnp.linalg.norm(place, axis=-1) for place in (stacked.moon, stacked.sun))
     offsets = jax.vmap(disc_offsets)(stacked)
-    plain = Scene(instants[0], camera=Camera(response=scene.camera.response), sun=scene.sun, moon=scene.moon)
+    plain = replace(scene, geometry=instants[0], camera=Camera(response=scene.camera.response), sky=None)
     return _prepared(
         plain,
         jnp.stack([jnp.min(moon), jnp.max(moon)]),
@@ -80,7 +81,7 @@ def _prepared(scene, moon_distances, sun_distance, offsets, atmosphere, error):
     wavelength, _ = channel_weights(scene, sampling.wavelengths)
     offset = jax.vmap(grid.offsets_at)(distances)
     operator = shadow_operator(scene.sun, offset, distances, sun_distance, wavelength, tolerance=error)
-    return Sequence(Tabulator(grid, operator, jnp.eye(wavelength.size))(atmosphere))
+    return Sequence(Tabulator(grid, operator, jnp.eye(wavelength.size), scene.scatterers)(atmosphere))
 
 
 @eqx.filter_jit

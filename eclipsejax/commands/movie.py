@@ -35,6 +35,7 @@ def add_to(commands) -> None:
     add("--fps", type=number(1, 120), default=24, metavar="N", help="frames a second; default 24")
     shared.add_site(command)
     shared.add_air(command)
+    shared.add_scattered(command)
     add = shared.add_camera(command, size=512).add_argument
     brightness = "auto (default) follows the light smoothly, stops in whole stops as a photographer would"
     add("--exposure", type=_exposure, default="auto", metavar="auto|stops|SECONDS", help=brightness)
@@ -109,7 +110,7 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
     from eclipsejax.sky import Sky
 
     sky = None if options.site is None else Sky(height=options.site[2] if len(options.site) == 3 else 0.0)
-    scene = Scene(geometries[0], camera=shared.camera(options), sky=sky)
+    scene = Scene(geometries[0], camera=shared.camera(options), sky=sky, scatterers=shared.scatterers(options))
     pictures = sequence(scene, geometries, shared.atmosphere(options), tolerance=options.tolerance)
     full_moon = float(Exposure(1.0, options.f_number, options.iso).scale()[0])  # signal in one second
 

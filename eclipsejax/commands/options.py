@@ -39,6 +39,18 @@ def atmosphere(options: Namespace):
     return replace(limb, **parts)
 
 
+def add_scattered(command: ArgumentParser) -> None:
+    """Whether the limb's scattered light is added; read by `scatterers`."""
+    command.add_argument("--scattered", action="store_true", help="add the light that the limb scatters into the umbra")
+
+
+def scatterers(options: Namespace):
+    """The `Scatterers` of the option of `add_scattered`, or None."""
+    from eclipsejax.scatterers import Scatterers
+
+    return Scatterers() if options.scattered else None
+
+
 def add_site(command: ArgumentParser) -> None:
     """Where the camera stands."""
     command.add_argument(

@@ -25,6 +25,7 @@ def add_to(commands) -> None:
     add("-o", dest="output", required=True, type=Path, metavar="FILE", help=", ".join(SUFFIXES))
     shared.add_site(command)
     shared.add_air(command)
+    shared.add_scattered(command)
     number, add = session.number, shared.add_camera(command, size=512).add_argument
     add("--exposure", type=number(1e-6, 1e4), metavar="SECONDS", help="such as 4 or 1/60")
     add("--f-number", type=number(0.1, 1e3), metavar="N", help="with --exposure")
@@ -47,7 +48,8 @@ def _render(options: Namespace) -> None:
     from eclipsejax.response import display, into_gamut
     from eclipsejax.scene import Scene
 
-    scene = Scene.at(options.utc.strip(), *(options.site or ()), camera=shared.camera(options))
+    parts = {"camera": shared.camera(options), "scatterers": shared.scatterers(options)}
+    scene = Scene.at(options.utc.strip(), *(options.site or ()), **parts)
     limb = shared.atmosphere(options)
     image = np.asarray(eqx.filter_jit(render)(scene, limb, tolerance=options.tolerance))
 

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from eclipsejax.camera import Exposure as Exposure
     from eclipsejax.camera import ToneCurve as ToneCurve
     from eclipsejax.camera import expose as expose
+    from eclipsejax.dust_of_brightness import DustPosterior as DustPosterior
+    from eclipsejax.dust_of_brightness import dimmings as dimmings
+    from eclipsejax.dust_of_brightness import dust_of_dimming as dust_of_dimming
+    from eclipsejax.dust_of_brightness import uncertain_limbs as uncertain_limbs
     from eclipsejax.ephemeris import Geometry as Geometry
     from eclipsejax.ephemeris import geometry as geometry
     from eclipsejax.ephemeris import local_circumstances as local_circumstances
@@ -59,6 +63,7 @@ _NAMES = {
     "almanac": ["Eclipse", "eclipses", "nearest_eclipse"],
     "atmosphere": ["Atmosphere", "Clouds", "Dust", "Haze", "Ozone", "extinction", "refractivity"],
     "camera": ["Camera", "Exposure", "ToneCurve", "expose"],
+    "dust_of_brightness": ["DustPosterior", "dimmings", "dust_of_dimming", "uncertain_limbs"],
     "ephemeris": ["Geometry", "geometry", "local_circumstances"],
     "errors": ["InputError"],
     "limb": ["bending_angle", "impact_parameter", "optical_depth"],

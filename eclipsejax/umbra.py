@@ -10,11 +10,11 @@ from jaxtyping import Array, Float
 
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS, MOON_MEAN_DISTANCE
 from eclipsejax.moon import Moon
-from eclipsejax.render import binned_weights
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import umbra_edge
 from eclipsejax.sun import Sun
 from eclipsejax.traced import real
+from eclipsejax.wavelengths import binned_weights
 
 # Offsets searched, from inside to outside the edge of an airless Earth's umbra [rad]: steps of 2 km.
 INSIDE, OUTSIDE, COUNT = 2.5e-4, 7.5e-4, 193

@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[1]
 ORDER = """
 constants errors traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight
 limb_table shadow sky_cells sky_flux shadow_operator scatterers twilight scattered moon sky response camera almanac
-ephemeris scene shadow_table wavelengths render photometry umbra dust_of_brightness sequence movie movie_file texture figures
-session cli
+ephemeris scene shadow_table wavelengths render photometry umbra dust_of_brightness sequence movie movie_file texture
+figures session cli
 """.split()
 # The same within the package of that name.
 FIGURES = """

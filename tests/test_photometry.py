@@ -14,9 +14,10 @@ from eclipsejax.almanac import nearest_eclipse
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.photometry import danjon_number, field_stops, photometer
-from eclipsejax.render import FULL_MOON_PHASE, binned_weights
+from eclipsejax.render import FULL_MOON_PHASE
 from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.shadow import shadow_irradiance
+from eclipsejax.wavelengths import binned_weights
 from tests.oracles import derivative
 
 DATA = Path(__file__).parents[1] / "data" / "eclipse_photometry.csv"

@@ -9,11 +9,11 @@ from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
 from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.moon import Moon
-from eclipsejax.render import binned_weights
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.shadow_table import umbra_edge
 from eclipsejax.sun import Sun
 from eclipsejax.umbra import umbra_enlargement, umbra_radius
+from eclipsejax.wavelengths import binned_weights
 
 DISTANCES = {"moon_distance": 3.825e8, "sun_distance": 1.479e11}  # 2008-02-21, surface of the Moon
 

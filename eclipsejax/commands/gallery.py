@@ -27,7 +27,7 @@ def _gallery(options: Namespace) -> None:
     if options.output.exists() and not options.output.is_dir():
         raise InputError(f"The gallery cannot be written to {options.output}, which is a file: name a folder.")
     session.start()
-    from eclipsejax.figures.gallery import write_gallery  # pyright: ignore[reportMissingImports]
+    from eclipsejax.figures.gallery import write_gallery
 
     said = partial(print, file=sys.stderr)
     page = write_gallery(options.output, size=round(options.size), progress=said)

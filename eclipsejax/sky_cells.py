@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from eclipsejax.arc import arc_moments
-from eclipsejax.sunlight import clustered
+from eclipsejax.limb import clustered
 
 _ARC_ORDER = 8
 _NODES = 10  # of a cell, to which the functions are fitted
@@ -44,11 +44,17 @@ class SkyCells(eqx.Module):
         """Number of the cell in which |psi| lies; -1 below the first, `count` above the last."""
         return jnp.searchsorted(self.edges, jnp.abs(psi), side="right") - 1
 
-    def arcs(self, offset: Float[Array, ""], sun_radius: Float[Array, ""]) -> Float[Array, "cell function power"]:
-        """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`."""
+    def arcs(
+        self, offset: Float[Array, ""], sun_radius: Float[Array, ""], moments=None
+    ) -> Float[Array, "cell function power"]:
+        """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`.
+
+        - `moments`: other arcs, from circles (...) [rad] to (..., 6).
+        """
         node, weight = clustered(_NODES)
         lower, upper = self.edges[:-1, None], self.edges[1:, None]
-        moments = arc_moments(offset, lower + (upper - lower) * node, sun_radius, _ARC_ORDER)
+        circle = lower + (upper - lower) * node
+        moments = arc_moments(offset, circle, sun_radius, _ARC_ORDER) if moments is None else moments(circle)
         root = jnp.sqrt(weight)[:, None]
         fit = jnp.linalg.pinv(root * functions(node)) * root.T
         return jnp.einsum("kn,cnm->ckm", fit, moments)

@@ -64,6 +64,7 @@ def test_table_goes_round_without_a_seam(prepared):
     np.testing.assert_allclose(around[2], around[0], rtol=1e-9)
 
 
+@pytest.mark.slow  # programs that take long to compile
 def test_rounded_offset_is_where_a_sphere_gives_the_same_light():
     geometry = Scene.at("2018-07-27T20:21:00Z").geometry
     distance, sun_distance = (float(jnp.linalg.norm(place)) for place in (geometry.moon, geometry.sun))
@@ -83,11 +84,12 @@ def test_rounded_offset_is_where_a_sphere_gives_the_same_light():
         for offset in (OFFSETS, rounded_offset(geometry, jnp.asarray(position)))
     )
     left, whole = np.abs(np.asarray(rounded / expected - 1.0)), np.abs(np.asarray(sphere / expected - 1.0))
-    print(left.ravel(), whole.ravel())
-    assert np.max(left) < 2.5e-2 and np.max(whole) > 3e-2
+    assert np.max(left[OFFSETS > 5e-3]) < 6e-3 and np.max(left) < 2e-2
+    assert np.max(whole) > 3e-2  # what the flattening does
     assert SUN_RADIUS == pytest.approx(float(Sun().radius))
 
 
+@pytest.mark.slow  # programs that take long to compile
 def test_picture_is_darker_where_the_limb_is_dusty():
     # All four pictures in one shape; the camera's rows run from north to south.
     scene = Scene.at("2018-07-27T20:21:00Z", camera=Camera(shape=(24, 24), scale=4.4e-4))
@@ -107,6 +109,7 @@ def test_what_is_not_known_of_a_lopsided_limb_is_refused(prepared):
         scene_table(eqx.tree_at(lambda t: t.scatterers, prepared, Scatterers(), is_leaf=lambda x: x is None), LOPSIDED)
 
 
+@pytest.mark.slow  # programs that take long to compile
 def test_table_has_slopes_by_the_dust_of_one_place(prepared):
     def total(extinction):
         air = eqx.tree_at(lambda a: a.dust.extinction, LOPSIDED, LOPSIDED.dust.extinction.at[5].set(extinction))

@@ -39,6 +39,7 @@ class LopsidedTable(eqx.Module):
 
     def at(self, places: Places) -> Float[Array, "... channel"]:
         """Channel values at places that are known, with their position angle."""
+        assert places.angle is not None
         turn = jnp.mod(places.angle / (2.0 * jnp.pi), 1.0) * self.angles
         first = jnp.floor(turn)
         x = turn - first

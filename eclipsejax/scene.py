@@ -108,8 +108,9 @@ def rounded_offset(geometry: Geometry, position: Float[Array, "... 3"]) -> Float
     """Offset [rad] at which a spherical Earth gives the light that the flattened Earth gives at a point.
 
     Offsets are scaled with the edge of the umbra at the point's position angle. Farther than 17' from the axis the
-    light is then right to 0.6 %, where the flattening changes it by up to 4 %; nearer to it the 2 % that the flattening
-    adds are left out (tests/test_lopsided_table.py). `shadow_irradiance` with a `shape` has all of it.
+    light is then right to 0.6 % at the points of tests/test_lopsided_table.py, where the flattening changes it by up to
+    4 % (by 8 % just outside the umbra's edge); nearer to the axis the 2 % that it adds are
+    left out. `shadow_irradiance` with a `shape` has all of it.
     """
     distance, sun_distance = jnp.linalg.norm(position, axis=-1), jnp.linalg.norm(geometry.sun)
     shape = LimbShape.facing(geometry.sun, geometry.pole)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
 from eclipsejax.errors import InputError
@@ -92,7 +92,7 @@ class ShadowTable(eqx.Module):
         """Channel values at places that are known."""
         return jnp.exp(self.log_at(places))
 
-    def log_at(self, places: Places, row=0) -> Float[Array, "... channel"]:
+    def log_at(self, places: Places, row: Int[Array, "..."] | int = 0) -> Float[Array, "... channel"]:
         """Logs of channel values.
 
         - `row`: where the table starts, of several that stand one behind the other.

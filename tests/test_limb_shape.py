@@ -57,7 +57,7 @@ def test_rays_bend_like_over_a_sphere_of_the_ground_along_them():
             return 1.0 + 2.78e-4 * air.density_ratio(jnp.maximum((level - 1.0) / slope, 0.0))
 
         def advance(_, state):
-            return stepped(index, *state, 500.0)
+            return stepped(index, state[0], state[1], 500.0)
 
         start = jnp.asarray([0.0, polar + height])
         _, momentum = jax.lax.fori_loop(0, 2600, advance, (start, index(start) * jnp.asarray([1.0, 0.0])))

@@ -78,7 +78,8 @@ def straight_light(wavelength):
 
     def one(offset, wavelength):
         darkening = sun.limb_darkening_coefficients(wavelength)
-        above = light_above(EARTH_RADIUS + TOP, offset, *sky, radius, darkening, order=28, arc_order=10)
+        arcs = lambda circle: arc_moments(offset, circle, radius, 10)
+        above = light_above(EARTH_RADIUS + TOP, offset, *sky, radius, darkening, order=28, arcs=arcs)
         return above, whole_sun(*sky, radius, darkening, 28, offset)
 
     return jax.vmap(lambda offset: jax.vmap(lambda w: one(offset, w))(wavelength))(jnp.asarray(OFFSETS))

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from eclipsejax.limb import bending_angle as bending_angle
     from eclipsejax.limb import impact_parameter as impact_parameter
     from eclipsejax.limb import optical_depth as optical_depth
+    from eclipsejax.limb_sectors import along_limb as along_limb
+    from eclipsejax.limb_shape import LimbShape as LimbShape
     from eclipsejax.limb_table import grazing_rays as grazing_rays
     from eclipsejax.march import march_ray as march_ray
     from eclipsejax.moon import Moon as Moon
@@ -67,6 +69,8 @@ _NAMES = {
     "ephemeris": ["Geometry", "geometry", "local_circumstances"],
     "errors": ["InputError"],
     "limb": ["bending_angle", "impact_parameter", "optical_depth"],
+    "limb_sectors": ["along_limb"],
+    "limb_shape": ["LimbShape"],
     "limb_table": ["grazing_rays"],
     "march": ["march_ray"],
     "moon": ["Moon"],

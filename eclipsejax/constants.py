@@ -2,6 +2,8 @@
 
 # Geometry of light: a spherical Earth to sea level, vacuum above the top of the atmosphere.
 EARTH_RADIUS = 6.371e6  # m, mean radius (IUGG R1)
+EARTH_EQUATORIAL_RADIUS = 6.378137e6  # m (WGS 84), where a scene asks for the flattening
+EARTH_POLAR_RADIUS = 6.356752314e6  # m (WGS 84)
 ATMOSPHERE_TOP = 120e3  # m, refractivity there is below 1e-11
 SUN_RADIUS = 6.957e8  # m, nominal (IAU 2015 resolution B3)
 MOON_RADIUS = 1.7374e6  # m, mean (IAU WGCCRE 2009)

@@ -106,6 +106,12 @@ def gauss_legendre(order):
     return jnp.asarray(0.5 * (node + 1.0), dtype=float), jnp.asarray(0.5 * weight, dtype=float)
 
 
+def clustered(order):
+    """Gauss-Legendre nodes on [0, 1] under x = (1 - cos(pi t)) / 2: square roots at either end become smooth."""
+    t, weight = gauss_legendre(order)
+    return 0.5 * (1.0 - jnp.cos(np.pi * t)), 0.5 * np.pi * jnp.sin(np.pi * t) * weight
+
+
 def medium(atmosphere, wavelength):
     """The profile function of `grazing_ray` for one wavelength [nm]: (refractivity, [extinction])."""
     return lambda z: (atmosphere.refractivity(z, wavelength), atmosphere.extinction(z, wavelength)[None])

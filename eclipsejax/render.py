@@ -16,8 +16,9 @@ from eclipsejax import wavelengths
 from eclipsejax.camera import sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
+from eclipsejax.lopsided_table import LopsidedTable, scene_table
 from eclipsejax.response import linear_from_xyz
-from eclipsejax.scene import Scene, axis_offset, disc_points
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points
 from eclipsejax.shadow_table import Places, ShadowTable, Tabulator, tabulator
 from eclipsejax.tolerance import reached
 
@@ -56,9 +57,9 @@ class Renderer(eqx.Module):
 
     def __call__(self, atmosphere) -> Float[Array, "... channel"]:
         """The picture in this atmosphere's shadow, as by `render`."""
-        return self.lit(self.tabulator(atmosphere))
+        return self.lit(scene_table(self.tabulator, atmosphere))
 
-    def lit(self, shadow: ShadowTable) -> Float[Array, "... channel"]:
+    def lit(self, shadow: ShadowTable | LopsidedTable) -> Float[Array, "... channel"]:
         """The picture in a shadow that the renderer's tabulator has made."""
         light = shadow.at(self.places) * self.reflectance[..., None]
         return linear_from_xyz(light) if self.response == "srgb" else light
@@ -76,7 +77,7 @@ def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array,
     rows, columns = scene.camera.shape
     band = min(rows, max(1, _BAND // columns))
     prepared = scene_tabulator(scene, tolerance)
-    shadow = prepared(atmosphere)
+    shadow = scene_table(prepared, atmosphere)
     if band == rows:
         return _placed(scene, prepared, *_pixels(scene, 0, rows)).lit(shadow)
 
@@ -128,10 +129,11 @@ def _pixels(scene, first, rows):
 def _placed(scene, prepared: Tabulator, east, north) -> Renderer:
     """The renderer of some directions."""
     points = disc_points(scene.geometry, *unflattened(scene, east, north))
-    offset = axis_offset(scene.geometry, points.position)
+    offset = scene.offset(points.position)
+    angle = axis_position_angle(scene.geometry, points.position)
     return Renderer(
         tabulator=prepared,
-        places=prepared.grid.places(offset, jnp.linalg.norm(points.position, axis=-1)),
+        places=prepared.grid.places(offset, jnp.linalg.norm(points.position, axis=-1), angle),
         reflectance=surface_reflectance(scene.moon, points),
         response=scene.camera.response,
     )

@@ -17,7 +17,7 @@ from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import Geometry
 from eclipsejax.render import SAMPLINGS, channel_weights, disc_offsets, surface_reflectance, unflattened
 from eclipsejax.response import encode_srgb, into_gamut, linear_from_xyz
-from eclipsejax.scene import Scene, axis_offset, disc_points
+from eclipsejax.scene import Scene, disc_points
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import ShadowTable, Tabulator, table_grid
 from eclipsejax.tolerance import reached
@@ -40,7 +40,7 @@ class Sequence(eqx.Module):
         points = disc_points(scene.geometry, *unflattened(scene, *sky_plane(scene.camera, row, column)))
         _, weights = channel_weights(scene, self.shadow.log_light.shape[-1])
         table = self.shadow.grid.filled(jnp.exp(self.shadow.log_light) @ weights)
-        light = table(axis_offset(scene.geometry, points.position), jnp.linalg.norm(points.position, axis=-1))
+        light = table(scene.offset(points.position), jnp.linalg.norm(points.position, axis=-1))
         light = light * surface_reflectance(scene.moon, points)[..., None]
         return linear_from_xyz(light) if scene.camera.response == "srgb" else light
 

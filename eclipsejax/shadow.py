@@ -16,7 +16,6 @@ monotone. It is split at the breaks of the atmosphere and where the circle touch
 piece are square-root singular, and the nodes cluster there like those of a Chebyshev rule.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -25,10 +24,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from eclipsejax.arc import arc_moments
-from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS, MOON_MEAN_DISTANCE
-from eclipsejax.limb_table import LimbTable, limb_table
+from eclipsejax.constants import ASTRONOMICAL_UNIT, ATMOSPHERE_TOP, EARTH_RADIUS, MOON_MEAN_DISTANCE
+from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import irradiance_by_sectors, is_lopsided
+from eclipsejax.limb_shape import LimbShape
+from eclipsejax.limb_table import limb_table
+from eclipsejax.ring import AXIS, LimbRays, Sky, ring_light
 from eclipsejax.sun import Sun
-from eclipsejax.sunlight import clustered, light_above, sky_angle, solid_angle, whole_sun
+from eclipsejax.sunlight import sky_angle, whole_sun
 from eclipsejax.tolerance import reached
 from eclipsejax.traced import real
 
@@ -41,20 +44,17 @@ class Quadrature(NamedTuple):
     dispersion: int  # refractivities at which rays are traced, for all wavelengths
     shadow: int  # nodes on each piece of the integral over tangent height
     arc: int  # nodes on the arc inside the Sun
+    sector: int  # nodes on each piece of an arc where the limb changes with azimuth
 
 
 # Measured against brute-force integration (tests/test_shadow.py): 390-770 nm, offsets 0-1.4 degrees, light down to
 # 1e-18. Largest relative errors 4e-3, 6e-4, 4e-5 and 6e-7; no worse over 60 random atmospheres.
 QUADRATURES = {
-    1e-2: Quadrature(ray=5, table=9, dispersion=2, shadow=10, arc=3),
-    1e-3: Quadrature(ray=6, table=11, dispersion=3, shadow=12, arc=4),
-    1e-4: Quadrature(ray=8, table=13, dispersion=3, shadow=14, arc=5),
-    1e-6: Quadrature(ray=12, table=18, dispersion=4, shadow=28, arc=10),
+    1e-2: Quadrature(ray=5, table=9, dispersion=2, shadow=10, arc=3, sector=4),
+    1e-3: Quadrature(ray=6, table=11, dispersion=3, shadow=12, arc=4, sector=4),
+    1e-4: Quadrature(ray=8, table=13, dispersion=3, shadow=14, arc=5, sector=6),
+    1e-6: Quadrature(ray=12, table=18, dispersion=4, shadow=28, arc=10, sector=10),
 }
-
-# The least offset [rad]: on the axis itself the arcs would be a step at the Sun's edge, whose derivative the frozen
-# nodes cannot see. The irradiance there changes by 1e-12.
-AXIS = 1e-9
 
 
 def quadrature_for(tolerance: float) -> Quadrature:
@@ -71,6 +71,7 @@ def shadow_irradiance(
     moon_distance=MOON_MEAN_DISTANCE,
     sun_distance=ASTRONOMICAL_UNIT,
     position_angle=None,
+    shape: LimbShape | None = None,
     tolerance: float = 1e-3,
 ) -> Float[Array, "offset wavelength"]:
     """Fraction of unobstructed sunlight [-] at angles from the axis of the Earth's shadow.
@@ -78,88 +79,49 @@ def shadow_irradiance(
     Direct light only: refracted and dimmed, not scattered. Exactly 1 outside the penumbra. Without the cosine of the
     receiving surface.
 
+    - `atmosphere`: with a leading limb axis (`limb_sectors.along_limb`) it differs along the limb.
     - `offset`: angle at the Earth's centre between the point and the shadow's axis, shape (offset,) [rad].
     - `wavelength`: shape (wavelength,) [nm].
     - `moon_distance`: distance of the point itself from the Earth's centre, scalar or shape (offset,) [m].
     - `sun_distance`: from the Earth's centre [m].
-    - `position_angle`: of the point about the axis; the atmosphere is spherically symmetric, so it changes nothing yet.
+    - `position_angle`: of the point about the axis, from celestial north through east, scalar or shape (offset,) [rad].
+      The limb on the same side lights it with rays that have not crossed the axis. Only a limb that is not the same
+      all around needs it.
+    - `shape`: the flattened Earth; None is the sphere of `EARTH_RADIUS`.
     - `tolerance`: largest relative error wanted; one of the measured settings of `QUADRATURES` that meets it is taken.
     """
-    del position_angle
-    return _shadow(
-        atmosphere,
-        Sun() if sun is None else sun,
-        jnp.atleast_1d(real(offset)),
-        jnp.atleast_1d(real(wavelength)),
-        real(moon_distance),
-        real(sun_distance),
-        quadrature_for(tolerance),
+    sun = Sun() if sun is None else sun
+    offset, wavelength = jnp.atleast_1d(real(offset)), jnp.atleast_1d(real(wavelength))
+    moon_distance, counts = jnp.broadcast_to(real(moon_distance), offset.shape), quadrature_for(tolerance)
+    if not is_lopsided(atmosphere, shape):
+        return _shadow(atmosphere, sun, offset, wavelength, moon_distance, real(sun_distance), counts)
+    if position_angle is None:
+        raise InputError("This shadow is not the same all around: give `position_angle` [rad] for each offset.")
+    position_angle = jnp.broadcast_to(real(position_angle), offset.shape)
+    return irradiance_by_sectors(
+        atmosphere, shape, sun, offset, position_angle, wavelength, moon_distance, real(sun_distance), counts
     )
 
 
 @eqx.filter_jit
 def _shadow(atmosphere, sun, offset, wavelength, distance, sun_distance, counts):
-    rays = trace_limb(atmosphere, wavelength, counts)
-    return rays_irradiance(rays, offset, jnp.broadcast_to(distance, offset.shape), sun_distance, sun, wavelength)
-
-
-class TracedLimb(NamedTuple):
-    """Rays of an atmosphere, traced once for any number of offsets and distances."""
-
-    table: LimbTable  # leading axis: wavelength
-    coefficients: Float[Array, "wavelength constituent"]  # turn columns into optical depth
-    limb_transmission: Callable
-    counts: Quadrature
-
-
-def trace_limb(atmosphere, wavelength, counts: Quadrature) -> TracedLimb:
-    """Trace the rays of an atmosphere for all wavelengths [nm]."""
     table, coefficients = limb_table(atmosphere, wavelength, counts)
-    return TracedLimb(table, coefficients, atmosphere.limb_transmission, counts)
-
-
-def rays_irradiance(
-    rays: TracedLimb, offset, distance, sun_distance, sun: Sun, wavelength
-) -> Float[Array, "offset wavelength"]:
-    """`shadow_irradiance` with the rays already traced."""
     darkening = jax.vmap(sun.limb_darkening_coefficients)(wavelength)
+    radius = jnp.arcsin(sun.radius / sun_distance)
+    top = EARTH_RADIUS + ATMOSPHERE_TOP
 
     def one(offset, distance):
-        by_wavelength = jax.vmap(
-            lambda table, coefficients, darkening: _irradiance(
-                table, coefficients, rays, offset, distance, sun_distance, sun, darkening
-            )
-        )
-        return by_wavelength(rays.table, rays.coefficients, darkening)
+        outside = offset - radius >= sky_angle(top, distance, sun_distance)
+        # Far outside, integrals that do not count would have gradients that are not finite.
+        offset = jnp.sqrt(jnp.where(outside, 0.0, offset) ** 2 + AXIS**2)
+        sky = Sky(offset, distance, sun_distance, radius)
+        arcs = lambda psi: arc_moments(offset, jnp.abs(psi), radius, counts.arc)
+
+        def by_wavelength(table, coefficients, darkening):
+            rays = LimbRays(table, coefficients, atmosphere.limb_transmission)
+            light = ring_light(rays, sky, darkening, arcs, top, counts.shadow)
+            return light / whole_sun(distance, sun_distance, radius, darkening, counts.shadow, offset)
+
+        return jnp.where(outside, 1.0, jax.vmap(by_wavelength)(table, coefficients, darkening))
 
     return jax.vmap(one)(offset, distance)
-
-
-def _irradiance(table, coefficients, rays, offset, distance, sun_distance, sun, darkening):
-    """One offset, one wavelength."""
-    counts = rays.counts
-    radius = jnp.arcsin(sun.radius / sun_distance)
-    top = EARTH_RADIUS + table.upper[-1]
-    outside = offset - radius >= sky_angle(top, distance, sun_distance)
-    # Far outside, integrals that do not count would have gradients that are not finite.
-    offset = jnp.sqrt(jnp.where(outside, 0.0, offset) ** 2 + AXIS**2)
-    edges = jnp.stack([-(offset + radius), -jnp.abs(offset - radius), jnp.abs(offset - radius), offset + radius])
-    node, weight = clustered(counts.shadow)
-
-    def panel(panel):
-        """Contribution of the rays of one panel of tangent heights."""
-        start, stop = panel.pieces(distance, sun_distance, edges)
-        u = start[:, None] + (stop - start)[:, None] * node
-        ray = panel.at(u)
-        transmission = jnp.exp(-ray.columns @ coefficients) * rays.limb_transmission(ray.tangent_height)
-        psi = sky_angle(ray.impact, distance, sun_distance) - ray.bending
-        light = transmission * (arc_moments(offset, jnp.abs(psi), radius, counts.arc) @ darkening)
-        measure = solid_angle(ray.impact, distance) * ray.impact_slope * (stop - start)[:, None] * weight
-        return jnp.sum(measure * light)
-
-    refracted = jnp.sum(jax.vmap(panel)(table))
-    direct = light_above(
-        top, offset, distance, sun_distance, radius, darkening, order=counts.shadow, arc_order=counts.arc
-    )
-    whole = whole_sun(distance, sun_distance, radius, darkening, counts.shadow, offset)
-    return jnp.where(outside, 1.0, (refracted + direct) / whole)

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from eclipsejax.arc import arc_moments
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.limb_table import limb_table, ray_breaks
 from eclipsejax.sky_cells import SkyCells
@@ -80,9 +81,8 @@ class ShadowOperator(eqx.Module):
 
         def seen(view: View):
             rays = branches(table, coefficients, view.distance, self.sun_distance)
-            flux = jax.vmap(lambda one: cell_flux(one, atmosphere.limb_transmission, view.cells, self.counts.piece))(
-                rays
-            )
+            of_one = lambda one: jnp.sum(cell_flux(one, atmosphere.limb_transmission, view.cells, self.counts.piece), 0)
+            flux = jax.vmap(of_one)(rays)
             wavelengths, *rows = flux.shape
             light = flux.reshape(wavelengths, -1) @ view.arcs.reshape(rows[0] * rows[1], -1)
             light = light.reshape(wavelengths, *view.arcs.shape[2:])
@@ -111,8 +111,8 @@ def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tol
         arcs = jax.lax.map(lambda one: cells.arcs(one, radius, counts.arc, counts.fit), offset)
 
         def direct_and_whole(offset, darkening):
-            orders = {"order": _DIRECT_ORDER, "arc_order": _ARC_ORDER}
-            direct = light_above(top, offset, distance, sun_distance, radius, darkening, **orders)
+            arcs = lambda circle: arc_moments(offset, circle, radius, _ARC_ORDER)
+            direct = light_above(top, offset, distance, sun_distance, radius, darkening, order=_DIRECT_ORDER, arcs=arcs)
             return direct, whole_sun(distance, sun_distance, radius, darkening, _DIRECT_ORDER, offset)
 
         each = jax.vmap(jax.vmap(direct_and_whole, in_axes=(None, 0)), in_axes=(0, None))

@@ -15,9 +15,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import is_lopsided
 from eclipsejax.scattered import ring_light
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
@@ -44,17 +46,23 @@ class TableGrid(eqx.Module):
     count: int = eqx.field(static=True)
     """Entries in t."""
 
-    def offsets_at(self, distance) -> Float[Array, " offset"]:
-        """Angles from the axis of the entries, for points at a distance from the Earth's centre [rad]."""
-        from_edge = from_edge_at(self.start + self.step * jnp.arange(self.count))
+    def offsets_at(self, distance, entry=None) -> Float[Array, " offset"]:
+        """Angles from the axis of the entries, for points at a distance from the Earth's centre [rad].
+
+        - `entry`: numbers of entries, not necessarily whole; all by default.
+        """
+        from_edge = from_edge_at(self.start + self.step * (jnp.arange(self.count) if entry is None else entry))
         return jnp.abs(from_edge + umbra_edge(distance, self.sun_distance, self.sun_radius))
 
-    def places(self, offset: Float[Array, "..."], distance: Float[Array, "..."]) -> "Places":
-        """Where angles from the axis [rad] and distances from the Earth's centre [m] are in a table."""
+    def places(self, offset: Float[Array, "..."], distance: Float[Array, "..."], angle=None) -> "Places":
+        """Where angles from the axis [rad] and distances from the Earth's centre [m] are in a table.
+
+        - `angle`: position angle about the axis, for tables that need it [rad].
+        """
         t = variable(offset - umbra_edge(distance, self.sun_distance, self.sun_radius))
         near, far = self.distances
         position = jnp.clip((t - self.start) / self.step, 1.0, self.count - 2.0)
-        return Places(position, (distance - near) / (far - near))
+        return Places(position, (distance - near) / (far - near), angle)
 
     def filled(self, light: Float[Array, "offset 2 channel"]) -> "ShadowTable":
         """The table with these channel values."""
@@ -62,10 +70,11 @@ class TableGrid(eqx.Module):
 
 
 class Places(NamedTuple):
-    """Where points are in a table: in units of its entries, and between its two distances."""
+    """Where points are in a table: in units of its entries, between its two distances, and about the axis [rad]."""
 
     position: Float[Array, "..."]
     fraction: Float[Array, "..."]
+    angle: Float[Array, "..."] | None = None
 
 
 class ShadowTable(eqx.Module):
@@ -81,7 +90,14 @@ class ShadowTable(eqx.Module):
 
     def at(self, places: Places) -> Float[Array, "... channel"]:
         """Channel values at places that are known."""
-        position, fraction = places
+        return jnp.exp(self.log_at(places))
+
+    def log_at(self, places: Places, row: Int[Array, "..."] | int = 0) -> Float[Array, "... channel"]:
+        """Logs of channel values.
+
+        - `row`: where the table starts, of several that stand one behind the other.
+        """
+        position, fraction, _ = places
         first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, self.grid.count - 4)
         x = position - first - 1.0
         # Cubic Lagrange through four neighbours at -1, 0, 1, 2.
@@ -98,8 +114,8 @@ class ShadowTable(eqx.Module):
             return jnp.minimum(cubic, jnp.maximum(entries[1], entries[2]) + _OVERSHOOT)
 
         def channel(table):
-            near, far = (along([table[first + k, side] for k in range(4)]) for side in (0, 1))
-            return jnp.exp(near + fraction * (far - near))
+            near, far = (along([table[row + first + k, side] for k in range(4)]) for side in (0, 1))
+            return near + fraction * (far - near)
 
         # One entry after the other, not in blocks: the compiler then makes one loop over the pixels, without copies.
         return jnp.stack([channel(self.log_light[..., i]) for i in range(self.log_light.shape[-1])], axis=-1)
@@ -146,7 +162,9 @@ class Tabulator(eqx.Module):
     """Of the light that the limb scatters into the shadow; None leaves it out."""
 
     def __call__(self, atmosphere) -> ShadowTable:
-        """The table of the shadow over the Moon's disc."""
+        """The table of the shadow over the Moon's disc, of an atmosphere that is the same all around."""
+        if is_lopsided(atmosphere):
+            raise InputError("This wants an atmosphere that is the same all around: give one without a limb axis.")
         operator = self.operator
         light = operator(atmosphere)
         if self.scatterers is not None:

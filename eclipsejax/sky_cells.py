@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from eclipsejax.arc import arc_moments
-from eclipsejax.sunlight import clustered
+from eclipsejax.limb import clustered
 
 
 class SkyCells(eqx.Module):
@@ -42,16 +42,18 @@ class SkyCells(eqx.Module):
         return jnp.searchsorted(self.edges, jnp.abs(psi), side="right") - 1
 
     def arcs(
-        self, offset: Float[Array, ""], sun_radius: Float[Array, ""], order: int, nodes: int
+        self, offset: Float[Array, ""], sun_radius: Float[Array, ""], order: int, nodes: int, moments=None
     ) -> Float[Array, "cell function power"]:
         """Coefficients of the arcs of `arc.arc_moments` for one offset [rad] that was given to `around`.
 
         - `order`: nodes on an arc.
         - `nodes`: angles of a cell to which the functions are fitted, 5 or more.
+        - `moments`: other arcs, from circles (...) [rad] to (..., 6).
         """
         node, weight = clustered(nodes)
         lower, upper = self.edges[:-1, None], self.edges[1:, None]
-        moments = arc_moments(offset, lower + (upper - lower) * node, sun_radius, order)
+        circle = lower + (upper - lower) * node
+        moments = arc_moments(offset, circle, sun_radius, order) if moments is None else moments(circle)
         root = jnp.sqrt(weight)[:, None]
         fit = jnp.linalg.pinv(root * functions(node)) * root.T
         return jnp.einsum("kn,cnm->ckm", fit, moments)

@@ -17,9 +17,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from eclipsejax.constants import EARTH_RADIUS
+from eclipsejax.limb import clustered
 from eclipsejax.limb_table import LimbTable, chebyshev, chebyshev_derivative, chebyshev_nodes
 from eclipsejax.sky_cells import SkyCells, functions
-from eclipsejax.sunlight import clustered, sky_angle, solid_angle
+from eclipsejax.sunlight import sky_angle, solid_angle
 
 _GRID = 24  # points on which a branch is searched for a cut
 _NEWTON = 2
@@ -72,8 +73,9 @@ def series(coefficients: Float[Array, "row coefficient"], u: Float[Array, "row .
     return total
 
 
-def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) -> Float[Array, "cell function"]:
-    """Moments of the flux of one wavelength with the functions of each cell.
+def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) -> Float[Array, "side cell function"]:
+    """Moments of the flux of one wavelength with the functions of each cell, for either side: that of rays from the
+    limb on the point's own side of the axis (psi > 0), and of rays that have crossed the axis.
 
     - `order`: nodes on a piece.
     """
@@ -91,7 +93,8 @@ def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) ->
     basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
     seen = piece.counts & (piece.cell >= 0) & (piece.cell < cells.count)
     moments = jnp.where(seen[:, None], jnp.einsum("pn,pnk->pk", flux, basis), 0.0)
-    return jnp.zeros((cells.count, basis.shape[-1])).at[jnp.clip(piece.cell, 0, cells.count - 1)].add(moments)
+    place = piece.crossed.astype(int), jnp.clip(piece.cell, 0, cells.count - 1)
+    return jnp.zeros((2, cells.count, basis.shape[-1])).at[place].add(moments)
 
 
 class _Pieces(NamedTuple):
@@ -101,6 +104,7 @@ class _Pieces(NamedTuple):
     start: Float[Array, " piece"]  # [u]
     stop: Float[Array, " piece"]  # [u]
     cell: Int[Array, " piece"]
+    crossed: Bool[Array, " piece"]  # psi < 0
     counts: Bool[Array, " piece"]
 
 
@@ -138,7 +142,7 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
     cut = cut - (moved - jax.lax.stop_gradient(moved))
     cut = jnp.where(edge > psi_line[branch, -1], cut, stop[branch])
     before = jnp.where(rank == 0, start[branch], jnp.roll(cut, 1))
-    return _Pieces(here, before, cut, jnp.abs(cell) - 1, piece < ends[-1])
+    return _Pieces(here, before, cut, jnp.abs(cell) - 1, cell < 0, piece < ends[-1])
 
 
 def _crossing(psi, slope, psi_line, u_line, edge):

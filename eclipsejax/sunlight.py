@@ -5,11 +5,9 @@ centre, and comes, traced back without bending, from asin(a / D) + asin(a / D_s)
 """
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from eclipsejax.arc import arc_moments
-from eclipsejax.limb import gauss_legendre
+from eclipsejax.limb import clustered
 from eclipsejax.traced import safe_sqrt
 
 
@@ -31,12 +29,6 @@ def impact_at(psi, distance, sun_distance):
     for _ in range(2):
         impact = impact - (sky_angle(impact, distance, sun_distance) - psi) / reach
     return impact
-
-
-def clustered(order):
-    """Gauss-Legendre nodes on [0, 1] under x = (1 - cos(pi t)) / 2: square roots at either end become smooth."""
-    t, weight = gauss_legendre(order)
-    return 0.5 * (1.0 - jnp.cos(np.pi * t)), 0.5 * np.pi * jnp.sin(np.pi * t) * weight
 
 
 def whole_sun(
@@ -64,17 +56,17 @@ def whole_sun(
     return nearer * jnp.sum(solid_angle(edge * node, distance) * ring * edge * weight)
 
 
-def light_above(
-    top, offset, distance, sun_distance, radius, darkening, *, order: int, arc_order: int
-) -> Float[Array, ""]:
+def light_above(top, offset, distance, sun_distance, radius, darkening, *, order: int, arcs) -> Float[Array, ""]:
     """Light of the part of the Sun seen above impact parameter `top` [m], in the unit of `whole_sun` [sr].
 
     - `offset`: of the Sun's centre from the direction opposite to the point [rad].
+    - `arcs`: from radii of circles of the sky (...) [rad] to the moments of their arcs inside the Sun (..., 6), as
+      `arc.arc_moments`.
     """
     node, weight = clustered(order)
     edges = jnp.stack([jnp.abs(offset - radius), offset + radius])
     visible = jnp.maximum(edges, sky_angle(top, distance, sun_distance))
     cuts = jnp.concatenate([jnp.atleast_1d(top), impact_at(visible, distance, sun_distance)])
     impact = cuts[:-1, None] + jnp.diff(cuts)[:, None] * node
-    arcs = arc_moments(offset, sky_angle(impact, distance, sun_distance), radius, arc_order) @ darkening
-    return jnp.sum(solid_angle(impact, distance) * jnp.diff(cuts)[:, None] * weight * arcs)
+    light = arcs(sky_angle(impact, distance, sun_distance)) @ darkening
+    return jnp.sum(solid_angle(impact, distance) * jnp.diff(cuts)[:, None] * weight * light)

@@ -1,0 +1,123 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
+from eclipsejax.camera import Camera
+from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS, SUN_RADIUS
+from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import along_limb
+from eclipsejax.limb_shape import LimbShape
+from eclipsejax.lopsided_table import scene_table
+from eclipsejax.render import render
+from eclipsejax.scatterers import Scatterers
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, rounded_offset
+from eclipsejax.shadow import shadow_irradiance
+from eclipsejax.shadow_table import tabulator
+from eclipsejax.sun import Sun
+
+DISTANCE = 3.844e8
+TYPICAL = Atmosphere.typical()
+DUSTY = Atmosphere(dust=Dust(1e-5), haze=Haze(0.2), clouds=Clouds(4e3, 0.9, 2e3))
+PLACES = 8
+LOPSIDED = along_limb([TYPICAL, TYPICAL, DUSTY, DUSTY, DUSTY, TYPICAL, TYPICAL, TYPICAL])
+DUST = [5e-7, 5e-7, 1e-5, 1e-5, 1e-5, 5e-7, 5e-7, 5e-7]
+OFFSETS = np.array([2.5e-3, 4e-3, 6e-3, 8e-3, 10e-3, 10e-3, 11.0e-3, 11.8e-3, 12.3e-3, 13.5e-3])
+ANGLES = np.array([0.0, 0.7, 1.3, 2.0, 2.7, 3.6, 4.4, 5.0, 5.5, 6.2])
+DEPTHS = DISTANCE - MOON_RADIUS * np.linspace(0.0, 1.0, OFFSETS.size)
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    """A table of two channels, each a wavelength, at a tolerance of 1e-2."""
+    span, sky = jnp.asarray([2.4e-3, 14e-3]), (jnp.asarray(DISTANCE), jnp.asarray(ASTRONOMICAL_UNIT))
+    wavelength = jnp.asarray([450.0, 640.0])
+    return eqx.filter_jit(lambda span: tabulator(Sun(), *sky, span, wavelength, jnp.eye(2), tolerance=1e-2, count=128))(
+        span
+    )
+
+
+@eqx.filter_jit
+def looked_up(prepared, atmosphere, angle):
+    places = prepared.grid.places(jnp.asarray(OFFSETS), jnp.asarray(DEPTHS), angle)
+    return scene_table(prepared, atmosphere).at(places)
+
+
+def test_table_is_the_shadow_of_the_sectors(prepared):
+    expected = shadow_irradiance(
+        LOPSIDED, OFFSETS, [450.0, 640.0], position_angle=ANGLES, moon_distance=DEPTHS, tolerance=1e-3
+    )
+    error = np.asarray(looked_up(prepared, LOPSIDED, jnp.asarray(ANGLES)) / expected - 1.0)
+    # The worst is where the cubic between two angles meets the light of a few rays beside a dark limb.
+    assert np.max(np.abs(error)) < 2e-2 and np.median(np.abs(error)) < 2e-3
+
+
+def test_table_of_the_same_air_all_around_is_the_symmetric_one(prepared):
+    round_about = looked_up(prepared, along_limb([TYPICAL] * PLACES), jnp.asarray(ANGLES))
+    np.testing.assert_allclose(round_about, looked_up(prepared, TYPICAL, jnp.asarray(ANGLES)), rtol=1e-4)
+
+
+def test_table_goes_round_without_a_seam(prepared):
+    around = [looked_up(prepared, LOPSIDED, jnp.asarray(ANGLES + turn)) for turn in (0.0, 2.0 * np.pi, -2.0 * np.pi)]
+    np.testing.assert_allclose(around[1], around[0], rtol=1e-9)
+    np.testing.assert_allclose(around[2], around[0], rtol=1e-9)
+
+
+@pytest.mark.slow  # programs that take long to compile
+def test_rounded_offset_is_where_a_sphere_gives_the_same_light():
+    geometry = Scene.at("2018-07-27T20:21:00Z").geometry
+    distance, sun_distance = (float(jnp.linalg.norm(place)) for place in (geometry.moon, geometry.sun))
+    axis = -np.asarray(geometry.sun) / sun_distance
+    east = np.cross(geometry.pole, axis) / np.linalg.norm(np.cross(geometry.pole, axis))
+    north = np.cross(axis, east)
+    across = np.cos(ANGLES)[:, None] * north + np.sin(ANGLES)[:, None] * east
+    position = distance * (np.cos(OFFSETS)[:, None] * axis + np.sin(OFFSETS)[:, None] * across)
+    np.testing.assert_allclose(axis_offset(geometry, position), OFFSETS, rtol=1e-9)
+    np.testing.assert_allclose(np.mod(axis_position_angle(geometry, position), 2.0 * np.pi), ANGLES, atol=1e-9)
+
+    sky = {"moon_distance": distance, "sun_distance": sun_distance, "tolerance": 1e-3}
+    shape = LimbShape.facing(geometry.sun, geometry.pole)
+    expected = shadow_irradiance(TYPICAL, OFFSETS, [640.0], position_angle=ANGLES, shape=shape, **sky)
+    sphere, rounded = (
+        shadow_irradiance(TYPICAL, offset, [640.0], **sky)
+        for offset in (OFFSETS, rounded_offset(geometry, jnp.asarray(position)))
+    )
+    left, whole = np.abs(np.asarray(rounded / expected - 1.0)), np.abs(np.asarray(sphere / expected - 1.0))
+    assert np.max(left[OFFSETS > 5e-3]) < 6e-3 and np.max(left) < 2e-2
+    assert np.max(whole) > 3e-2  # what the flattening does
+    assert SUN_RADIUS == pytest.approx(float(Sun().radius))
+
+
+@pytest.mark.slow  # programs that take long to compile
+def test_picture_is_darker_where_the_limb_is_dusty():
+    # All four pictures in one shape; the camera's rows run from north to south.
+    scene = Scene.at("2018-07-27T20:21:00Z", camera=Camera(shape=(24, 24), scale=4.4e-4))
+    north = along_limb([DUSTY, DUSTY, TYPICAL, TYPICAL, TYPICAL, TYPICAL, TYPICAL, DUSTY])
+    drawn = eqx.filter_jit(lambda scene, air: render(scene, air, tolerance=1e-2))
+    plain, lopsided = np.asarray(drawn(scene, TYPICAL)), np.asarray(drawn(scene, north))
+    same = np.asarray(drawn(scene, along_limb([TYPICAL] * PLACES)))
+    np.testing.assert_allclose(same, plain, rtol=2e-3, atol=1e-3 * plain.max())
+    ratio = lopsided[..., 0].sum(axis=1) / np.maximum(plain[..., 0].sum(axis=1), 1e-12)
+    assert ratio[4] < 0.6 * ratio[19]
+
+
+def test_what_is_not_known_of_a_lopsided_limb_is_refused(prepared):
+    with pytest.raises(InputError, match="same all around"):
+        prepared(LOPSIDED)
+    with pytest.raises(InputError, match="scatterers"):
+        scene_table(eqx.tree_at(lambda t: t.scatterers, prepared, Scatterers(), is_leaf=lambda x: x is None), LOPSIDED)
+
+
+@pytest.mark.slow  # programs that take long to compile
+def test_table_has_slopes_by_the_dust_of_one_place(prepared):
+    def total(extinction):
+        air = eqx.tree_at(lambda a: a.dust.extinction, LOPSIDED, jnp.asarray([*DUST[:5], extinction, *DUST[6:]]))
+        return jnp.log(looked_up(prepared, air, jnp.asarray(ANGLES)))
+
+    pushed = jax.jit(lambda x: jax.jvp(total, (x,), (1.0,)))
+    (low, _), (_, slope), (high, _) = (pushed(x) for x in (1.9e-6, 2e-6, 2.1e-6))
+    difference = np.asarray(high - low) / 0.2e-6
+    np.testing.assert_allclose(slope, difference, atol=2e-2 * np.max(np.abs(difference)))
+    assert np.min(difference) < -1e3

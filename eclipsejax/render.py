@@ -40,7 +40,7 @@ class Sampling(NamedTuple):
 # what is left comes from going linearly from the nearest to the farthest distance.
 SAMPLINGS = {1e-2: Sampling(128, 8), 1e-3: Sampling(320, 24)}
 # Beyond 1' from the umbra's edge direct light hides most of what the air does.
-PENUMBRAL_SAMPLINGS = {1e-2: Sampling(40, 8), 1e-3: Sampling(96, 24)}
+PENUMBRAL_SAMPLINGS = {1e-2: Sampling(64, 8), 1e-3: Sampling(96, 24)}
 
 
 class Renderer(eqx.Module):

@@ -19,7 +19,7 @@ from inverse import prior
 from inverse.cells import Cells
 from inverse.noise import Whitener
 
-OFFSETS, EDGE_OFFSETS = 20, 48  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
+OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
 TOLERANCE = 1e-2  # of the shadow's light
 BINS = np.array([380.0, 440.0, 480.0, 520.0, 560.0, 600.0, 640.0, 680.0, 780.0])  # nm
 # Nikon D5100 (NPL) to linear sRGB, rows sum to 1: least squares over the ISO 17321-1 chart in daylight, rms 0.010.

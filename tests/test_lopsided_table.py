@@ -45,6 +45,7 @@ def looked_up(prepared, atmosphere, angle):
     return scene_table(prepared, atmosphere).at(places)
 
 
+@pytest.mark.slow
 def test_table_is_the_shadow_of_the_sectors(prepared):
     expected = shadow_irradiance(
         LOPSIDED, OFFSETS, [450.0, 640.0], position_angle=ANGLES, moon_distance=DEPTHS, tolerance=1e-3

@@ -26,6 +26,7 @@ from tests.test_cli import check_refused, own_cache  # noqa: F401
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
 
 
+@pytest.mark.slow
 def test_one_shadow_serves_all_instants():
     eclipse = nearest_eclipse("2010-12-21")
     camera = Camera(shape=(48, 48), scale=1.1e-2 / 48)

@@ -46,9 +46,14 @@ def test_table_holds_the_shadow_at_its_entries():
         np.testing.assert_allclose(found, irradiance(Atmosphere.typical(), offset, moon_distance=distance), rtol=1e-4)
 
 
-CENTRES = [(SAMPLINGS, centre) for centre in (0.0, 5e-3, 9e-3, 14e-3)] + [
+SLOW = pytest.mark.slow
+CENTRES = [
+    (SAMPLINGS, 0.0),
+    pytest.param(SAMPLINGS, 5e-3, marks=SLOW),
+    (SAMPLINGS, 9e-3),
+    pytest.param(SAMPLINGS, 14e-3, marks=SLOW),
     (PENUMBRAL_SAMPLINGS, 17.1e-3),
-    (PENUMBRAL_SAMPLINGS, 21e-3),
+    pytest.param(PENUMBRAL_SAMPLINGS, 21e-3, marks=SLOW),
 ]
 
 

@@ -238,7 +238,7 @@ def test_shadow_has_the_derivatives_that_differences_show(tolerance, bound):
             pushed((values + h * unit, offset), (unit, still), tolerance=tolerance)[0]
         )
         # The finer, the narrower: a difference must not step over a caustic.
-        differences = oracles.derivative(moved, 0.0, steps[i] * (1.0 if tolerance > 1e-6 else 0.2))
+        differences = oracles.derivative(moved, 0.0, steps[i] * (1.0 if tolerance > 1e-6 else 0.05))
         # Relative to the derivative, but not where that passes zero.
         error = np.abs(found - differences) / (np.abs(differences) + 0.1 * np.max(np.abs(differences)))
         assert np.max(error) < bound, name

@@ -95,7 +95,7 @@ def _start(density: Density, centre, covariance, random: np.random.RandomState) 
     """
     size = len(centre)
     factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
-    z, value = np.zeros((0, size)), np.zeros(0)
+    z, value, depth = np.zeros((0, size)), np.zeros(0), np.zeros(0)
     for _ in range(START_ROUNDS):
         fresh = centre + random.standard_normal((WALKERS, size)) @ factor.T
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])

@@ -70,7 +70,7 @@ def batched(posterior) -> Callable[[np.ndarray], np.ndarray]:
 
     def density(z):
         padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
-        parts = [np.asarray(_batch(posterior, part)) for part in np.split(padded, len(padded) // BATCH)]
+        parts = [np.asarray(_batch(posterior, jnp.asarray(part))) for part in np.split(padded, len(padded) // BATCH)]
         return np.concatenate(parts)[: len(z)]
 
     return density

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from eclipsejax.errors import InputError
 
+XLA_KNOWN = (0, 10)  # version of jaxlib
+FEW_EMITTERS = "--xla_cpu_use_fusion_emitters=false"
+
 
 def start() -> None:
     """Float64, and compiled code kept on disk from one run to the next; before anything is computed.
@@ -17,6 +20,7 @@ def start() -> None:
     """
     import jax
 
+    compile_quickly()
     jax.config.update("jax_enable_x64", True)
     folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "eclipsejax" / "jax"
     try:
@@ -25,6 +29,20 @@ def start() -> None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def compile_quickly() -> None:
+    """Halve the time that JAX takes to compile for a processor; before anything is computed.
+
+    Without XLA's fusion emitters our programs run as fast (within 10 %) and compile in half the time. Only where XLA
+    is known to have that option: it ends the process for one that it does not know.
+    """
+    import jaxlib
+
+    given = os.environ.get("XLA_FLAGS", "")
+    known = tuple(int(part) for part in jaxlib.__version__.split(".")[:2]) == XLA_KNOWN
+    if known and FEW_EMITTERS not in given:
+        os.environ["XLA_FLAGS"] = f"{FEW_EMITTERS} {given}"  # what the user gives comes last, and counts
 
 
 class Arguments(argparse.ArgumentParser):

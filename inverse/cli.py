@@ -1,5 +1,6 @@
 """The command `fit_atmosphere`: from a photograph of a lunar eclipse to the dust in the air that coloured it."""
 
+import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -43,10 +44,19 @@ def _command(arguments: Sequence[str] | None) -> None:
     photographs, time, site, disc = options.photographs, options.time, options.site, options.disc
     if options.demo:
         photographs, time, site, disc = _demo()
-    with _Bars() as bars:
-        fit = fit_atmosphere(
-            photographs, time=time, site=site, disc=disc, draws=options.draws, seed=options.seed, progress=bars
-        )
+    chain = out / "chain.h5"
+    if options.resume and not chain.exists():
+        print(f"There is no {chain} to go on with: the fit begins anew.")
+    try:
+        with _Bars() as bars:
+            fit = fit_atmosphere(
+                photographs, time=time, site=site, disc=disc, draws=options.draws, seed=options.seed, chain=chain,
+                resume=options.resume, progress=bars,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        if chain.exists():
+            print(f"Stopped: the same command with --resume goes on from {chain}.", file=sys.stderr)
+        raise
     print(text_report(fit))
     for path in fit.save(out):
         print(f"Wrote {path}")
@@ -72,11 +82,12 @@ def _parser() -> session.Arguments:
     add(
         "--draws",
         type=int,
-        default=32_000,
         metavar="N",
-        help="posterior draws at most; 0 for Laplace's approximation alone",
+        help="sample the posterior with N draws at most, 0 for Laplace's approximation alone; by default that "
+        "approximation is corrected where it can be, and else sampled until it can be believed",
     )
     add("--seed", type=int, default=0, metavar="N", help="of the sampler")
+    add("--resume", action="store_true", help="go on with the sampling that was interrupted, from chain.h5 in DIR")
     return parser
 
 

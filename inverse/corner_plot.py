@@ -11,6 +11,11 @@ from inverse.result import Estimate, Fit
 
 QUANTITIES = 8  # more cannot be read
 POSTERIOR, PRIOR, TRUTH = "#0072b2", "#e69f00", "#000000"  # Okabe & Ito's palette
+METHODS = {
+    "laplace": "Laplace's approximation only, nothing was sampled.",
+    "laplace+psis": "Laplace's approximation with importance weights.",
+    "emcee": "Sampled.",
+}
 
 
 class Words(NamedTuple):
@@ -125,8 +130,7 @@ def _key(figure, fit: Fit, left_out: list[str], truths: bool) -> None:
 
     size = min(7.0 + figure.get_figwidth(), 18.0)
     line = size / 72 / figure.get_figheight()
-    sampled = "sampled" if fit.log_posterior is not None else "Laplace's approximation only, nothing was sampled"
-    notes = [sampled[0].upper() + sampled[1:] + "."]
+    notes = [METHODS[fit.diagnostics["method"]]]
     if left_out:
         spelled = ", ".join(WORDS.get(name, Words(name)).name for name in left_out)
         notes += textwrap.wrap(f"Not shown, least informed: {spelled}.", 50)
@@ -146,6 +150,9 @@ def _interval(fit: Fit, name: str, words: Words) -> str:
     estimate = fit.estimates[name]
     if not words.logarithm:
         return f"{words.name}\n{_plus_minus(estimate, words.factor)} {words.unit}".strip()
+    if estimate.is_limit:
+        limit = fit.estimates["stratospheric_optical_depth"].ci95[1]
+        return f"{words.name} < {words.factor * estimate.ci95[1]:.2g} {words.unit}\noptical depth < {limit:.2g}"
     depth = fit.estimates["stratospheric_optical_depth"].median
     return f"{words.name} = {words.factor * estimate.median:.2g} {words.unit}\noptical depth {depth:.2g}"
 

@@ -29,11 +29,13 @@ class Evidence:
     """One photograph or profile.
 
     - `photo`: what was read; `where`: the geometry of its time; `registration`, `cells`: None for a profile.
+    - `site`: latitude, longitude [degrees] and, where given, height [m] of the observer; None for the Earth's centre.
     - `remarks`: sentences for the report.
     """
 
     photo: Photo | Profile
     where: Geometry
+    site: tuple | None
     registration: Registration | None
     cells: Cells | None
     remarks: tuple[str, ...]
@@ -115,7 +117,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
             f"{site[0]:g}, {site[1]:g}: check the time (UTC) and the site (north and east are positive)."
         )
     if isinstance(photo, Profile):
-        return Evidence(photo, where, None, None, tuple(remarks))
+        return Evidence(photo, where, site, None, None, tuple(remarks))
     registration = register(photo, where, disc=disc)
     cells = bin_photo(photo, registration)
     seen = int((cells.usable.any(axis=1) & cells.on_disc).sum())
@@ -128,7 +130,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
         remarks.append(
             f"{Path(photo.path).name}: neither maria nor shadow fixed the roll of the camera; north up was assumed."
         )
-    return Evidence(photo, where, registration, cells, tuple(remarks))
+    return Evidence(photo, where, site, registration, cells, tuple(remarks))
 
 
 def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]:

@@ -4,22 +4,23 @@ import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.errors import InputError
 from inverse import prior
+from inverse.answer import Answer, answer, beginning, begun, identity
+from inverse.chain import Record, read_record
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, maximum
-from inverse.posterior import WALKERS, Chain, limb_posterior, sample
 from inverse.result import Fit
 from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
 STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
-DRAWS = 400  # from Laplace's Gaussian where nothing is sampled
 SHOWN = 40  # draws behind the bands of the plots
 
 
@@ -38,26 +39,33 @@ def fit_atmosphere(
     time: str | Sequence[str] | None = None,
     site: tuple[float, float] | tuple[float, float, float] | None = None,
     disc: int | None = None,
-    draws: int = 32_000,
+    draws: int | None = None,
     seed: int = 0,
+    chain: str | PathLike | None = None,
+    resume: bool = False,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Fit:
     """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
 
     The optimum is Levenberg-Marquardt's over the limb and every nuisance of each photograph (exposure, white
-    balance, tone curve, glare, pointing, clock), from several starts; the posterior is sampled over the limb, with
-    the nuisances marginalised about the optimum. Priors: `inverse.prior`. Errors: `inverse.noise`, inflated until
-    the best fit is as good as it claims. Raises `InputError` with one sentence where a photograph cannot be used.
+    balance, tone curve, glare, pointing, clock), from several starts. The posterior is over the limb, with the
+    nuisances marginalised about the optimum: Laplace's Gaussian, corrected by importance weights, where its
+    diagnostics allow it and the dust is away from zero, otherwise sampled (`inverse.answer`). Priors:
+    `inverse.prior`. Errors: `inverse.noise`, inflated until the best fit is as good as it claims. Raises `InputError`
+    with one sentence where a photograph cannot be used.
 
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
     - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF
       says, if it is certain.
     - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
     - `disc`: which of several discs in a picture, from 1.
-    - `draws`: from the posterior, at most; 0 for Laplace's approximation alone.
+    - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
+      posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.
+    - `chain`: file (HDF5) for the samples while they are drawn.
+    - `resume`: go on with the chain in that file, if there is one, of the same photographs, seed and program.
     """
-    if draws < 0 or seed < 0:
+    if (draws or 0) < 0 or seed < 0:
         raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
     started = clock.perf_counter()
     if isinstance(photographs, str | PathLike):
@@ -65,19 +73,24 @@ def fit_atmosphere(
     evidence = gather(photographs, time=time, site=site, disc=disc, progress=lambda *a: progress(Progress(*a)))
     progress(Progress("fitting", 0, len(STARTS) + 1))
     likelihood, smooth = prepare(evidence)
-    optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
-    limb = slice(0, len(prior.ATMOSPHERE))
-    chain = None
-    if draws:
-        chain = sample(
-            limb_posterior(likelihood, optimum, smooth),
-            optimum.z[limb],
-            optimum.covariance[limb, limb],
-            steps=-(-draws // WALKERS),
-            seed=seed,
-            report=lambda done, of: progress(Progress("sampling", done, of)),
-        )
-    return conclude(evidence, likelihood, optimum, chain, inflation, seed, clock.perf_counter() - started)
+    depends_on = identity(evidence, likelihood.parameters, disc, seed)
+    file = None if chain is None else Path(chain)
+    record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
+    if record is None:
+        optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
+    else:
+        optimum, inflation, first_draws = begun(record.beginning)
+        draws = first_draws if draws is None else draws
+        likelihood, smooth = likelihood.inflated(inflation), [inflation * modes for modes in smooth]
+        progress(Progress("fitting", len(STARTS) + 1, len(STARTS) + 1))
+    numbers = beginning(optimum, inflation, draws)
+    found = answer(
+        likelihood, optimum, smooth, draws=draws, seed=seed,
+        before=None if record is None else record.chain,
+        keep=lambda samples: None if file is None else Record(depends_on, numbers, samples).write(file),
+        progress=lambda stage, done, of: progress(Progress(stage, done, of)),
+    )  # fmt: skip
+    return conclude(evidence, likelihood, optimum, found, inflation, seed, clock.perf_counter() - started)
 
 
 def optimise(likelihood: Likelihood, smooth, progress) -> tuple[Optimum, Likelihood, list[np.ndarray], float]:
@@ -105,22 +118,16 @@ def conclude(
     evidence: list[Evidence],
     likelihood: Likelihood,
     optimum: Optimum,
-    chain: Chain | None,
+    found: Answer,
     inflation: float,
     seed: int,
     seconds: float,
 ) -> Fit:
     """Put everything that was found into a `Fit`."""
     random, size = np.random.default_rng(seed), len(prior.ATMOSPHERE)
-    if chain is None:
-        covariance = optimum.covariance[:size, :size]
-        factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
-        draws = (optimum.z[:size] + random.standard_normal((DRAWS, size)) @ factor.T)[None]
-    else:
-        draws = np.moveaxis(chain.z, 0, 1)  # (chain, draw, parameter)
     prior_draws = random.standard_normal((4000, size))
-    found, named, named_prior = estimates(likelihood, optimum, draws, prior_draws, chain)
-    shown = random.choice(draws.reshape(-1, size), SHOWN)
+    quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
+    shown = random.choice(found.z.reshape(-1, size), SHOWN)
     normal = random.standard_normal((SHOWN, len(optimum.z) - size))
     start = jnp.asarray(optimum.z[size:])
     joint = np.array(
@@ -135,24 +142,16 @@ def conclude(
         "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],
-        "sampler": None
-        if chain is None
-        else {
-            "steps": int(chain.z.shape[0]),
-            "walkers": int(chain.z.shape[1]),
-            "converged": chain.converged,
-            "acceptance": chain.acceptance,
-            "longest_autocorrelation_time": float(np.max(chain.autocorrelation_time)),
-        },
+        **found.report,
         "seconds": seconds,
     }
     return Fit(
-        estimates=found,
+        estimates=quantities,
         draws=named,
         prior_draws=named_prior,
         photos=photos,
         diagnostics=diagnostics,
-        warnings=tuple(warnings_of(evidence, found, diagnostics)),
+        warnings=tuple(warnings_of(evidence, quantities, diagnostics)),
         provenance=provenance(evidence, seed),
-        log_posterior=None if chain is None else chain.log_posterior.T,
+        log_posterior=found.log_posterior,
     )

@@ -1,12 +1,11 @@
-"""The posterior of the limb: an ensemble sampler over the few parameters that are not nearly linear.
+"""The posterior of the limb: a density over the few parameters that are not nearly linear.
 
 The nuisances of each photograph are marginalised to first order about the optimum: with J their Jacobian, J J'
-joins the covariance of the residuals. The sampler then sees only the atmosphere.
+joins the covariance of the residuals. A sampler then sees only the atmosphere.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
-import emcee
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,12 +16,8 @@ from inverse.likelihood import Likelihood, shadow_light
 from inverse.map_estimate import Optimum
 from inverse.noise import Whitener, whitener
 
-# Differential evolution; never emcee 3.1.6's snooker move, whose samples are up to 40 % too narrow.
-MOVES = ((emcee.moves.DEMove, {}, 0.9), (emcee.moves.DEMove, {"gamma0": 1.0}, 0.1))
-WALKERS = 32
-CHECK_EVERY = 100  # steps
-TIMES_AUTOCORRELATION = 50
-LARGEST_CHANGE = 0.05  # of the autocorrelation time since the last check
+BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
+TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
 
 
 class LimbPosterior(eqx.Module):
@@ -67,82 +62,20 @@ def _slopes(model, table, nuisance):
     return jax.jacfwd(lambda nuisance: model(table, nuisance).ravel())(nuisance)
 
 
-@dataclass(frozen=True)
-class Chain:
-    """What the sampler left, burn-in removed.
+def batched(posterior) -> Callable[[np.ndarray], np.ndarray]:
+    """A compiled function from points (draw, parameter) to log densities (draw,), in NumPy.
 
-    - `z`: (step, walker, parameter).
-    - `log_posterior`: (step, walker).
-    - `autocorrelation_time`: (parameter,) [steps].
-    - `converged`: whether the stopping rule was met.
-    - `acceptance`: fraction of accepted moves.
+    - `posterior`: a module that maps (parameter,) to a log density.
     """
 
-    z: np.ndarray
-    log_posterior: np.ndarray
-    autocorrelation_time: np.ndarray
-    converged: bool
-    acceptance: float
-
-    @property
-    def effective_samples(self) -> np.ndarray:
-        """Independent samples the chain is worth (parameter,)."""
-        return self.z.shape[0] * self.z.shape[1] / self.autocorrelation_time
-
-
-def sample(posterior, centre, covariance, *, steps: int, seed: int, report=lambda done, of: None) -> Chain:
-    """Sample with an ensemble of `WALKERS`, until the chain is long enough or `steps` are done.
-
-    - `posterior`: maps (parameter,) to a log density.
-    - `centre`, `covariance`: of the Gaussian that the walkers start from.
-    - `steps`: at most, burn-in included.
-    - `report`: called with steps done and steps at most.
-    """
-    arrays, static = eqx.partition(posterior, eqx.is_array)
-
-    @jax.jit
-    def batch(arrays, z):
-        density = eqx.combine(arrays, static)
-        return jax.lax.map(density, z, batch_size=WALKERS // 4)
-
-    def log_density(z):
-        # emcee asks for all walkers once and for half of them ever after: one compiled shape serves both.
-        half = WALKERS // 2
-        padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % half, axis=0)])
-        parts = [np.asarray(batch(arrays, part)) for part in np.split(padded, len(padded) // half)]
+    def density(z):
+        padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
+        parts = [np.asarray(_batch(posterior, jnp.asarray(part))) for part in np.split(padded, len(padded) // BATCH)]
         return np.concatenate(parts)[: len(z)]
 
-    random = np.random.default_rng(seed)
-    size = len(centre)
-    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
-    start = centre + random.standard_normal((WALKERS, size)) @ factor.T
-    moves = [(move(**options), weight) for move, options, weight in MOVES]
-    sampler = emcee.EnsembleSampler(WALKERS, size, log_density, moves=moves, vectorize=True)
-    sampler._random.seed(seed)  # emcee has no argument for it and copies NumPy's global state
+    return density
 
-    old, converged = np.full(size, np.inf), False
-    for state in sampler.sample(start, iterations=steps):
-        del state
-        done = sampler.iteration
-        if done % 10 == 0:
-            report(done, steps)
-        if done % CHECK_EVERY == 0:
-            time = sampler.get_autocorr_time(tol=0)
-            converged = bool(
-                np.all(done > TIMES_AUTOCORRELATION * time) and np.all(np.abs(time - old) < LARGEST_CHANGE * time)
-            )
-            old = time
-            if converged:
-                break
-    with np.errstate(invalid="ignore"):  # a chain of one step has no variance
-        time = sampler.get_autocorr_time(tol=0)
-    burn = (
-        int(min(2 * np.nanmax(time), sampler.iteration // 2)) if np.all(np.isfinite(time)) else sampler.iteration // 2
-    )
-    return Chain(
-        np.asarray(sampler.get_chain(discard=burn)),
-        np.asarray(sampler.get_log_prob(discard=burn)),
-        np.where(np.isfinite(time), time, sampler.iteration),
-        converged,
-        float(np.mean(sampler.acceptance_fraction)),
-    )
+
+@eqx.filter_jit
+def _batch(posterior, z: Float[Array, "draw parameter"]) -> Float[Array, " draw"]:
+    return jax.lax.map(posterior, z, batch_size=TOGETHER)

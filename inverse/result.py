@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from eclipsejax.errors import InputError
+from inverse.diagnostics import arviz
+
+NEAR_ZERO = 1.5  # times the lower end of the prior's 95 %
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Estimate:
     - `median`, `ci68`, `ci95`: of the posterior; Laplace's where nothing was sampled.
     - `prior_sd`: standard deviation of the prior about `map`; `informed`: 1 - (sd / prior sd)^2 of z, the share of the
       variance that the photograph took away.
-    - `ess`, `autocorrelation_time`: of the chain, None where nothing was sampled.
+    - `ess`, `ess_tail`: effective samples for the middle and for the tails; by importance sampling one for both.
+    - `r_hat`, `autocorrelation_time` [steps]: of the chains. None where nothing was sampled.
     """
 
     name: str
@@ -33,6 +37,13 @@ class Estimate:
     informed: float
     ess: float | None = None
     autocorrelation_time: float | None = None
+    ess_tail: float | None = None
+    r_hat: float | None = None
+
+    @property
+    def is_limit(self) -> bool:
+        """Whether a positive quantity reaches down to where its prior ends: its upper end alone was found."""
+        return self.ci95[0] < NEAR_ZERO * self.prior_ci95[0]
 
 
 @dataclass(frozen=True)
@@ -110,6 +121,11 @@ class Fit:
     def sentence(self) -> str:
         """The result in words: alpha, and always the vertical optical depth that it means."""
         alpha, depth = self.estimates["dust.extinction"], self.estimates["stratospheric_optical_depth"]
+        if alpha.is_limit:
+            return (
+                f"Stratospheric dust alpha is below {alpha.ci95[1]:.2g} /m (97.5 %), a vertical optical depth below "
+                f"{depth.ci95[1]:.2g}: no lower limit was found."
+            )
         return (
             f"Stratospheric dust alpha = {alpha.median:.2g} /m (95 %: {alpha.ci95[0]:.2g} to {alpha.ci95[1]:.2g}), "
             f"a vertical optical depth of {depth.median:.2g} (95 %: {depth.ci95[0]:.2g} to {depth.ci95[1]:.2g})."
@@ -119,12 +135,8 @@ class Fit:
     def posterior(self):
         """The draws as arviz InferenceData, with those of the prior beside them."""
         with warnings.catch_warnings():
-            # arviz announces its successor once a day, and takes more walkers than steps for a mistake.
-            warnings.simplefilter("ignore", FutureWarning)
-            warnings.filterwarnings("ignore", message="More chains")
-            import arviz
-
-            return arviz.from_dict(
+            warnings.filterwarnings("ignore", message="More chains")  # more walkers than steps are no mistake
+            return arviz().from_dict(
                 posterior=self.draws,
                 prior={name: values[None] for name, values in self.prior_draws.items()},
                 sample_stats=None if self.log_posterior is None else {"lp": self.log_posterior},

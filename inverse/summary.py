@@ -10,9 +10,10 @@ import numpy as np
 
 from eclipsejax.scene import axis_offset
 from inverse import prior
+from inverse.answer import Answer, by_ensemble
+from inverse.diagnostics import autocorrelation_time, quality
 from inverse.likelihood import Disc, Likelihood, PhotoModel, shadow_light, signal, wings_at
 from inverse.map_estimate import Optimum
-from inverse.posterior import TIMES_AUTOCORRELATION
 from inverse.result import Estimate, PhotoFit
 
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
@@ -21,16 +22,15 @@ NOT_INFORMED = 0.5  # share of the prior's variance taken away, below which a qu
 DISTRUSTED_INFLATION = 3.0
 
 
-def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chain):
+def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_draws):
     """Every quantity by name, and the draws of the limb's by name, posterior and prior.
 
-    - `draws`: z of the limb (chain, draw, parameter); `prior_draws`: (draw, parameter).
+    - `prior_draws`: z of the limb (draw, parameter).
     """
     found, named, named_prior = {}, {}, {}
     sd_z = np.sqrt(np.diag(optimum.covariance))
     limb = len(prior.ATMOSPHERE)
-    ess = None if chain is None else chain.effective_samples
-    tau = None if chain is None else chain.autocorrelation_time
+    draws = answer.z
 
     def add(name, unit, function, z_map, sd, samples, before, index):
         values, priors = np.asarray(function(samples)), np.asarray(function(before))
@@ -45,8 +45,7 @@ def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chai
             ci95=_interval(values, 0.95),
             prior_ci95=_interval(priors, 0.95),
             informed=informed,
-            ess=None if ess is None else float(ess[index]),
-            autocorrelation_time=None if tau is None else float(tau[index]),
+            **_worth(values, answer),
         )
         named[name], named_prior[name] = values, priors
 
@@ -86,6 +85,22 @@ def estimates(likelihood: Likelihood, optimum: Optimum, draws, prior_draws, chai
             )
         start += len(model.parameters)
     return found, named, named_prior
+
+
+def _worth(values: np.ndarray, answer: Answer) -> dict[str, float | None]:
+    """What the draws of one quantity (chain, draw) are worth, for its `Estimate`."""
+    if answer.method == "laplace+psis" and answer.weighed is not None:
+        return {"ess": answer.weighed.effective_samples}
+    if answer.method != "emcee":
+        return {}
+    chains = by_ensemble(values)
+    found = quality(chains)
+    return {
+        "ess": found.ess_bulk,
+        "ess_tail": found.ess_tail,
+        "r_hat": found.r_hat if np.isfinite(found.r_hat) else None,
+        "autocorrelation_time": float(autocorrelation_time(chains[..., None])[0]),
+    }
 
 
 def _interval(values, level: float) -> tuple[float, float]:
@@ -182,9 +197,8 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(
-            f"The sampler was stopped before its chain was {TIMES_AUTOCORRELATION} autocorrelation times long "
-            f"({sampler['steps']} steps were kept; the time is {sampler['longest_autocorrelation_time']:.0f} steps or "
-            "more): the intervals are rough, give more --draws."
+            f"The sampler was stopped after {sampler['steps']} steps, before it was done: "
+            f"{'; '.join(sampler['unmet'])}. The intervals are rough: give more --draws, and --resume to go on."
         )
     dull = [
         name for name, estimate in found.items()
@@ -193,7 +207,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     if dull:
         sentences.append(f"Prior-dominated, the photograph says less than the prior: {', '.join(dull)}.")
     depth = found["stratospheric_optical_depth"]
-    if depth.ci95[0] < 1.5 * depth.prior_ci95[0]:
+    if depth.is_limit:
         sentences.append(
             f"The dust is an upper limit: optical depth below {depth.ci95[1]:.2g} (97.5 %); "
             "its lower end is the prior's."

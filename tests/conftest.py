@@ -1,4 +1,4 @@
-"""Float64 for every test, and the material that is not committed."""
+"""Float64 for every test, compiled quickly, and the material that is not committed."""
 
 import os
 from pathlib import Path
@@ -7,6 +7,9 @@ import jax
 import matplotlib
 import pytest
 
+from eclipsejax import session
+
+session.compile_quickly()
 jax.config.update("jax_enable_x64", True)
 matplotlib.use("Agg")
 

@@ -1,12 +1,16 @@
 """The whole path: a photograph on disk in, the atmosphere that was put into it out."""
 
 import json
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from PIL import Image
 
+from eclipsejax.errors import InputError
 from inverse import cli
+from inverse.chain import read_record
 from inverse.fit import fit_atmosphere
 from tests import synthetic
 
@@ -16,8 +20,42 @@ def fitted(tmp_path_factory):
     """A dusty eclipse, noisy, JPEG-compressed, rolled by 137 degrees, off centre."""
     folder = tmp_path_factory.mktemp("fit")
     path = synthetic.photograph(folder / "eclipse.jpg", synthetic.limb())
-    fit = fit_atmosphere(path, time=synthetic.UTC, site=synthetic.SITE, draws=3200, seed=3)
-    return fit, fit.save(folder / "out")
+    given: dict[str, Any] = {"time": synthetic.UTC, "site": synthetic.SITE, "seed": 3, "chain": folder / "chain.h5"}
+
+    def stop(progress):
+        if progress.stage == "sampling" and progress.done >= 20:
+            raise KeyboardInterrupt
+
+    # Interrupted while it samples, then taken up again.
+    with pytest.raises(KeyboardInterrupt):
+        fit_atmosphere(path, draws=3200, progress=stop, **given)
+    fit = fit_atmosphere(path, resume=True, **given)
+    return fit, fit.save(folder / "out"), path, given
+
+
+def test_a_fit_that_was_interrupted_ends_as_if_it_had_not_been(fitted):
+    _, _, path, given = fitted
+    resumed = read_chain(given["chain"])
+    assert resumed.steps == 50  # 3200 draws, as the first command said
+    again = given["chain"].with_name("again.h5")
+    whole = fit_atmosphere(path, draws=64 * 30, **{**given, "chain": again})
+    assert np.array_equal(read_chain(again).z, resumed.z[:, :30])
+    assert whole.diagnostics["sampler"]["steps"] == 30
+    assert "a vertical" in whole.sentence() and any("--draws" in words for words in whole.warnings)
+
+
+def read_chain(path):
+    with h5py.File(path) as file:
+        return read_record(path, json.loads(str(file.attrs["identity"]))).chain
+
+
+def test_a_chain_of_another_seed_or_time_is_refused_before_the_fit(fitted):
+    _, _, path, given = fitted
+    stages = []
+    for name, value in (("seed", 4), ("time", "2022-05-16T04:07:00Z")):
+        with pytest.raises(InputError, match=f"another fit, which differs in {name}:"):
+            fit_atmosphere(path, resume=True, progress=lambda p: stages.append(p.done), **{**given, name: value})
+    assert max(stages) == 1  # a photograph registered, no start fitted
 
 
 def test_dust_is_recovered(fitted):

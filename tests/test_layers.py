@@ -26,7 +26,7 @@ HOMES = {
     "colour": {"eclipsejax/response.py"},
     "skimage": {f"inverse/{name}.py" for name in ("disc_search", "limb_fit", "orientation", "registration")},
     "optimistix": {"inverse/map_estimate.py"},
-    "emcee": {"inverse/posterior.py"},
+    "emcee": {"inverse/ensemble.py"},
     "dask": {"inverse/archive.py"},
 }
 DRAWERS = {"eclipsejax/figures/page.py"} | {

@@ -78,7 +78,7 @@ def between(values, share: float) -> tuple[float, float]:
 
 def fake_fit(photos=None, sampled=True) -> Fit:
     """A fit whose posterior is the prior of the limb, narrowed and correlated."""
-    random = np.random.default_rng(1)
+    random, method = np.random.default_rng(1), "emcee" if sampled else "laplace"
     size = len(prior.ATMOSPHERE)
     narrow = np.array([0.15, 0.7, 0.95, 0.6, 0.5, 0.8, 0.7, 0.9])
     z = random.standard_normal((16 if sampled else 1, 400, size))
@@ -107,7 +107,7 @@ def fake_fit(photos=None, sampled=True) -> Fit:
     estimates["1.gain"] = replace(estimates["clouds.top"], name="1.gain", unit="ln")
     return Fit(
         estimates, draws, prior_draws, (photograph(),) if photos is None else photos,
-        {"converged": np.bool_(True), "costs_of_starts": np.array([3.0, 2.0]), "sampler": None},
+        {"converged": np.bool_(True), "costs_of_starts": np.array([3.0, 2.0]), "method": method},
         (
             "IMG_8742.jpg: no site is known, so the observer was put at the Earth's centre; the Moon's parallax (up to "
             "a degree) then tilts the map by as much: give --site LAT,LON.",

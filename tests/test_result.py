@@ -35,7 +35,7 @@ def test_json_holds_every_estimate_and_where_the_disc_was(fit):
     [place] = stored["registration"]
     assert place["photo"] == "IMG_8742.jpg" and place["radius"] == 240 and place["mirror"] is False
     assert stored["warnings"] == list(fit.warnings)
-    assert stored["diagnostics"] == {"converged": True, "costs_of_starts": [3.0, 2.0], "sampler": None}
+    assert stored["diagnostics"] == {"converged": True, "costs_of_starts": [3.0, 2.0], "method": "emcee"}
     profile = replace(photograph(), registration=None)
     assert replace(fit, photos=(profile,)).to_dict()["registration"] == [None]
 

@@ -1,0 +1,169 @@
+"""The posterior of the limb by the cheapest way that can be trusted: Laplace's Gaussian, importance, ensembles."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from eclipsejax.errors import InputError
+from inverse import prior
+from inverse.chain import Chain
+from inverse.diagnostics import Diagnosis, diagnose
+from inverse.ensemble import ENSEMBLES, sample, settings
+from inverse.importance import Importance, importance
+from inverse.likelihood import Likelihood
+from inverse.map_estimate import Optimum
+from inverse.posterior import batched, limb_posterior
+from inverse.result import NEAR_ZERO
+
+MOST_DRAWS = 256_000
+LAPLACE_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Draws of the limb's parameters, and how they came about.
+
+    - `method`: "laplace", "laplace+psis" or "emcee".
+    - `z`: (chain, draw, parameter), burn-in removed; the walkers of one ensemble follow each other.
+    - `log_posterior`: (chain, draw); None for Laplace's Gaussian.
+    - `weighed`: the importance sampling, where it was tried.
+    - `chain`, `diagnosis`: of the ensembles, where they were needed.
+    """
+
+    method: str
+    z: np.ndarray
+    log_posterior: np.ndarray | None = None
+    weighed: Importance | None = None
+    chain: Chain | None = None
+    diagnosis: Diagnosis | None = None
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """For `Fit.diagnostics`."""
+        found: dict[str, Any] = {"method": self.method, "psis": None, "sampler": None}
+        if self.weighed is not None:
+            found["psis"] = {"k_hat": _finite(self.weighed.k_hat), "effective_samples": self.weighed.effective_samples}
+        if self.chain is not None and self.diagnosis is not None:
+            found["sampler"] = {
+                "steps": self.chain.steps,
+                "burn_in": self.diagnosis.burn_in,
+                "ensembles": self.chain.z.shape[0],
+                "walkers": self.chain.z.shape[2],
+                "acceptance": self.chain.acceptance,
+                "longest_autocorrelation_time": float(self.diagnosis.autocorrelation_time.max()),
+                "change_over_last_doubling": self.diagnosis.change,
+                "r_hat": _finite(self.diagnosis.r_hat),
+                "ess_bulk": self.diagnosis.ess_bulk,
+                "ess_tail": self.diagnosis.ess_tail,
+                "converged": self.diagnosis.converged,
+                "unmet": list(self.diagnosis.unmet),
+            }
+        return found
+
+
+def answer(
+    likelihood: Likelihood,
+    optimum: Optimum,
+    smooth: list[np.ndarray],
+    *,
+    draws: int | None,
+    seed: int,
+    before: Chain | None,
+    keep: Callable[[Chain], None],
+    progress: Callable[[str, int, int], None],
+) -> Answer:
+    """Draw from the posterior about an optimum.
+
+    Importance sampling only where k-hat is below 0.7 and the dust away from zero: beside zero the posterior is
+    one-sided, and the weights do not tell.
+
+    - `smooth`: smooth errors of each photograph, as `posterior.limb_posterior` takes them.
+    - `draws`, `seed`: those of `fit_atmosphere`.
+    - `before`: a chain to go on with.
+    - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
+    """
+    size = len(prior.ATMOSPHERE)
+    centre, covariance = optimum.z[:size], optimum.covariance[:size, :size]
+    if draws == 0:
+        factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
+        normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, size))
+        return Answer("laplace", (centre + normal @ factor.T)[None])
+    density = batched(limb_posterior(likelihood, optimum, smooth))
+    if before is not None:
+        check_same_density(density, before)
+    weighed = None
+    if draws is None:
+        progress("weighing", 0, 1)
+        weighed = importance(density, centre, covariance, seed=seed)
+        progress("weighing", 1, 1)
+        if before is None and weighed.trusted and away_from_zero(centre[0], float(np.sqrt(covariance[0, 0]))):
+            return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
+    chain = sample(
+        density, centre, covariance, draws=draws or MOST_DRAWS, seed=seed, chain=before, keep=keep,
+        report=lambda done, most: progress("sampling", done, most),
+    )  # fmt: skip
+    diagnosis = diagnose(chain.z)
+    z = np.moveaxis(chain.z[:, diagnosis.burn_in :], 1, 2)  # (ensemble, walker, step, parameter)
+    value = np.moveaxis(chain.log_posterior[:, diagnosis.burn_in :], 1, 2)
+    together = z.shape[0] * z.shape[1]
+    return Answer(
+        "emcee", z.reshape(together, -1, size), value.reshape(together, -1), weighed, chain, diagnosis
+    )  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no infinity."""
+    return value if np.isfinite(value) else None
+
+
+def by_ensemble(values: np.ndarray) -> np.ndarray:
+    """Values (chain, draw) of an `Answer` by emcee as (ensemble, step, walker)."""
+    return np.moveaxis(values.reshape(ENSEMBLES, -1, values.shape[-1]), 1, 2)
+
+
+def away_from_zero(z: float, sd: float) -> bool:
+    """Whether Laplace's 95 % interval of the dust ends above where the prior's does."""
+    dust = prior.ATMOSPHERE[0]
+    return z - 1.96 * sd > -1.96 + np.log(NEAR_ZERO) / dust.width
+
+
+def check_same_density(density, chain: Chain) -> None:
+    """`InputError` unless the density at the last points of a chain is what it was there."""
+    for z, value in zip(chain.z[:, -1], chain.log_posterior[:, -1], strict=True):
+        if not np.allclose(density(z), value, rtol=1e-9, atol=1e-6):
+            raise InputError(
+                "The posterior is no longer the one that the chain was drawn from (another version of the program or "
+                "of a library): leave out --resume to begin anew."
+            )
+
+
+def identity(evidence, parameters, disc: int | None, seed: int) -> dict[str, Any]:
+    """What a chain depends on, for `chain.Record`."""
+    return {
+        "photographs": [item.photo.sha256 for item in evidence],
+        "time": [item.where.utc for item in evidence],
+        "site": [item.site for item in evidence],
+        "disc": disc,
+        "seed": seed,
+        "priors": [list(parameter[:5]) for parameter in parameters],
+        "sampler": settings(),
+        "versions": {name: version(name) for name in ("eclipsejax", "jax", "numpy")},
+    }
+
+
+def beginning(optimum: Optimum, inflation: float, draws: int | None) -> dict[str, Any]:
+    """What a chain begins from, in numbers: kept with it, so that it goes on from exactly there."""
+    return {**vars(optimum), "inflation": inflation, "draws": -1 if draws is None else draws}
+
+
+def begun(numbers) -> tuple[Optimum, float, int | None]:
+    """Optimum, inflation and draws from what `beginning` made."""
+    optimum = Optimum(
+        np.asarray(numbers["z"]), float(numbers["cost"]), bool(numbers["converged"]), int(numbers["steps"]),
+        np.asarray(numbers["jacobian"]), tuple(float(cost) for cost in numbers["costs"]),
+    )  # fmt: skip
+    draws = int(numbers["draws"])
+    return optimum, float(numbers["inflation"]), None if draws < 0 else draws

@@ -1,0 +1,105 @@
+"""The cheapest way that can be trusted is the one that answers, and an answer says which it was."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eclipsejax.errors import InputError
+from inverse import answer as module
+from inverse import prior
+from inverse.answer import answer, away_from_zero, beginning, begun, by_ensemble
+from inverse.diagnostics import LEAST_SAMPLES
+from inverse.map_estimate import Optimum
+from tests.targets import gaussian
+
+SIZE = len(prior.ATMOSPHERE)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """`answer` for a posterior that is a density of our choice, about an optimum of our choice."""
+
+    def ask(density, z, covariance, draws=None, before=None):
+        kept = []
+        monkeypatch.setattr(module, "limb_posterior", lambda likelihood, optimum, smooth: density)
+        monkeypatch.setattr(module, "batched", lambda posterior: posterior)
+        jacobian = np.linalg.cholesky(np.linalg.inv(covariance)).T
+        optimum = Optimum(np.asarray(z), 1.0, True, 3, jacobian, (1.0, 2.0))
+        nothing: Any = None
+        found = answer(
+            nothing, optimum, [], draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None
+        )
+        assert json.dumps(found.report, allow_nan=False)
+        return found, kept
+
+    return ask
+
+
+COVARIANCE = 0.04 * np.eye(SIZE)
+DUSTY = np.array([1.0, *np.zeros(SIZE - 1)])
+
+
+def about(z, covariance):
+    density = gaussian(covariance)
+    return lambda points: density(points - z)
+
+
+def test_a_posterior_like_its_gaussian_is_answered_at_once(asked):
+    found, kept = asked(about(DUSTY, 1.1 * COVARIANCE), DUSTY, COVARIANCE)
+    assert found.method == found.report["method"] == "laplace+psis" and not kept
+    assert found.report["psis"]["k_hat"] < 0.7 and found.report["sampler"] is None
+    assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.044), rel=0.2)
+
+
+def test_a_posterior_unlike_its_gaussian_is_sampled(asked):
+    found, kept = asked(about(DUSTY, 9.0 * COVARIANCE), DUSTY, COVARIANCE)
+    assert found.method == "emcee" and kept[-1].steps == found.report["sampler"]["steps"]
+    assert found.report["psis"]["k_hat"] > 0.7 or found.report["psis"]["effective_samples"] < LEAST_SAMPLES
+    assert found.report["sampler"]["converged"] and found.report["sampler"]["unmet"] == []
+    assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.36), rel=0.15)
+
+
+def test_dust_beside_zero_and_draws_asked_for_are_sampled(asked, monkeypatch):
+    monkeypatch.setattr(module, "MOST_DRAWS", 64 * 20)
+    wide = COVARIANCE.copy()
+    wide[0, 0] = 1.0
+    beside = np.zeros(SIZE)
+    assert asked(about(beside, wide), beside, wide)[0].method == "emcee"
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=640)
+    assert found.method == "emcee" and found.report["psis"] is None
+    assert found.report["sampler"]["steps"] == 10 and not found.report["sampler"]["converged"]
+
+
+def test_no_draws_are_laplaces(asked):
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=0)
+    assert found.method == "laplace" and found.log_posterior is None and found.report["psis"] is None
+
+
+def test_a_chain_goes_on_only_under_the_density_it_was_drawn_from(asked):
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
+    longer, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
+    assert np.array_equal(longer.chain.z[:, :20], found.chain.z)
+    with pytest.raises(InputError, match="no longer the one") as refused:
+        asked(about(DUSTY, 1.01 * COVARIANCE), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
+    assert "\n" not in str(refused.value)
+
+
+def test_chains_are_sorted_by_ensemble(asked):
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
+    kept = found.chain.z[:, found.diagnosis.burn_in :]
+    assert np.array_equal(by_ensemble(found.z[..., 2]), kept[..., 2])
+
+
+def test_dust_is_away_from_zero_where_its_interval_leaves_the_priors_end():
+    assert away_from_zero(1.0, 0.5) and not away_from_zero(0.0, 0.95) and not away_from_zero(-1.5, 0.3)
+
+
+def test_a_beginning_comes_back_from_numbers():
+    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5))
+    for draws in (None, 0, 640):
+        same, inflation, given = begun({name: np.asarray(v) for name, v in beginning(optimum, 1.2, draws).items()})
+        assert (inflation, given) == (1.2, draws)
+        assert np.array_equal(same.z, optimum.z) and np.array_equal(same.jacobian, optimum.jacobian)
+        assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))

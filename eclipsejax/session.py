@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
 from eclipsejax.errors import InputError
@@ -37,10 +38,8 @@ def compile_quickly() -> None:
     Without XLA's fusion emitters our programs run as fast (within 10 %) and compile in half the time. Only where XLA
     is known to have that option: it ends the process for one that it does not know.
     """
-    import jaxlib
-
     given = os.environ.get("XLA_FLAGS", "")
-    known = tuple(int(part) for part in jaxlib.__version__.split(".")[:2]) == XLA_KNOWN
+    known = tuple(int(part) for part in version("jaxlib").split(".")[:2]) == XLA_KNOWN
     if known and FEW_EMITTERS not in given:
         os.environ["XLA_FLAGS"] = f"{FEW_EMITTERS} {given}"  # what the user gives comes last, and counts
 

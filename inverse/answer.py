@@ -1,7 +1,7 @@
 """The posterior of the limb by the cheapest way that can be trusted: Laplace's Gaussian, importance, ensembles."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -15,9 +15,11 @@ from inverse.ensemble import ENSEMBLES, sample, settings
 from inverse.importance import Importance, importance
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum
-from inverse.posterior import batched, limb_posterior
+from inverse.noise import Errors
+from inverse.posterior import limb_posterior
 from inverse.result import NEAR_ZERO
 
+FITTED = ("independent", "smooth", "chromatic", "outlying")  # of the `Errors`
 MOST_DRAWS = 256_000
 LAPLACE_DRAWS = 400
 
@@ -67,7 +69,6 @@ class Answer:
 def answer(
     likelihood: Likelihood,
     optimum: Optimum,
-    smooth: list[np.ndarray],
     *,
     draws: int | None,
     seed: int,
@@ -80,7 +81,6 @@ def answer(
     Importance sampling only where k-hat is below 0.7 and the dust away from zero: beside zero the posterior is
     one-sided, and the weights do not tell.
 
-    - `smooth`: smooth errors of each photograph, as `posterior.limb_posterior` takes them.
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
     - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
@@ -91,7 +91,7 @@ def answer(
         factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
         normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, size))
         return Answer("laplace", (centre + normal @ factor.T)[None])
-    density = batched(limb_posterior(likelihood, optimum, smooth))
+    density = limb_posterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)
     weighed = None
@@ -154,16 +154,24 @@ def identity(evidence, parameters, disc: int | None, seed: int) -> dict[str, Any
     }
 
 
-def beginning(optimum: Optimum, inflation: float, draws: int | None) -> dict[str, Any]:
+def beginning(optimum: Optimum, errors: Sequence[Errors], draws: int | None) -> dict[str, Any]:
     """What a chain begins from, in numbers: kept with it, so that it goes on from exactly there."""
-    return {**vars(optimum), "inflation": inflation, "draws": -1 if draws is None else draws}
+    found = {f"error.{number}.{name}": getattr(one, name) for number, one in enumerate(errors) for name in FITTED}
+    return {**vars(optimum), **found, "draws": -1 if draws is None else draws}
 
 
-def begun(numbers) -> tuple[Optimum, float, int | None]:
-    """Optimum, inflation and draws from what `beginning` made."""
+def begun(numbers: Mapping[str, Any], errors: Sequence[Errors]) -> tuple[Optimum, tuple[Errors, ...], int | None]:
+    """Optimum, errors and draws from what `beginning` made.
+
+    - `errors`: those before the fit.
+    """
     optimum = Optimum(
         np.asarray(numbers["z"]), float(numbers["cost"]), bool(numbers["converged"]), int(numbers["steps"]),
-        np.asarray(numbers["jacobian"]), tuple(float(cost) for cost in numbers["costs"]),
+        np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
     )  # fmt: skip
+    fitted = tuple(
+        replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})
+        for number, one in enumerate(errors)
+    )
     draws = int(numbers["draws"])
-    return optimum, float(numbers["inflation"]), None if draws < 0 else draws
+    return optimum, fitted, None if draws < 0 else draws

@@ -1,49 +1,30 @@
-"""The nuisances of each photograph under a given limb: for drawing whole models from a chain that holds limbs only."""
+"""The nuisances under a given limb: for drawing whole models from a chain that holds limbs only."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
 
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
+from inverse.map_estimate import Optimum, quadratic
 
-STEPS = 6  # of Gauss and Newton, each shortened until it helps: exposure times tone curve is far from linear
-SHARES = (1.0, 0.3, 0.1, 0.0)
+STEPS = 2  # of Gauss and Newton after the linear guess, each shortened until it helps
+SHARES = (1.0, 0.5, 0.2)
 
 
-@eqx.filter_jit
-def with_nuisances(
-    likelihood: Likelihood,
-    limb: Float[Array, " parameter"],
-    start: Float[Array, " nuisance"],
-    normal: Float[Array, " nuisance"],
-) -> Float[Array, " all"]:
+def with_nuisances(likelihood: Likelihood, optimum: Optimum, limb: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """All parameters: this limb, and a draw of the nuisances from Laplace's Gaussian about their best values under it.
 
-    - `start`: nuisances to begin with.
-    - `normal`: standard normal deviates.
+    - `limb`: (parameter,); `normal`: standard normal deviates (nuisance,).
     """
-    table = likelihood.shadow(limb)
-    found, begin = [limb], 0
-    for model, data, usable, w in zip(
-        likelihood.models, likelihood.data, likelihood.usable, likelihood.whiteners, strict=True
-    ):
-        here = slice(begin, begin + len(model.parameters))
-
-        def residuals(nuisance, model=model, data=data, usable=usable, w=w):
-            return jnp.concatenate([w(usable * (data - model(table, nuisance).ravel())), nuisance])
-
-        def step(_, state, residuals=residuals):
-            nuisance, _ = state
-            design = jax.jacfwd(residuals)(nuisance)
-            factor = jnp.linalg.cholesky(design.T @ design)
-            full = jax.scipy.linalg.cho_solve((factor, True), design.T @ residuals(nuisance))
-            trials = nuisance - jnp.asarray(SHARES)[:, None] * full
-            costs = jnp.sum(jax.vmap(residuals)(trials) ** 2, axis=1)
-            return trials[jnp.nanargmin(costs)], factor
-
-        size = len(model.parameters)
-        best, factor = jax.lax.fori_loop(0, STEPS, step, (start[here], jnp.eye(size)))
-        found.append(best + jax.scipy.linalg.solve_triangular(factor.T, normal[here]))
-        begin += size
-    return jnp.concatenate(found)
+    information = optimum.information
+    moved = np.linalg.solve(information[LIMB:, LIMB:], information[LIMB:, :LIMB] @ (limb - optimum.z[:LIMB]))
+    z = np.concatenate([limb, optimum.z[LIMB:] - moved])
+    here = quadratic(likelihood, z)
+    for _ in range(STEPS):
+        step = np.linalg.solve(here.information[LIMB:, LIMB:], here.gradient[LIMB:])
+        for share in SHARES:
+            trial = np.concatenate([limb, z[LIMB:] - share * step])
+            there = quadratic(likelihood, trial)
+            if there.cost < here.cost:
+                z, here = trial, there
+                break
+    factor = np.linalg.cholesky(here.information[LIMB:, LIMB:])
+    return np.concatenate([limb, z[LIMB:] + np.linalg.solve(factor.T, normal)])

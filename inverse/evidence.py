@@ -5,22 +5,25 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from scipy.spatial import KDTree
 
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
-from inverse import noise
+from inverse import noise, prior
 from inverse.cells import Cells, bin_photo
-from inverse.likelihood import Likelihood, photo_model, profile_model, shadow_of
+from inverse.exposures import Exposed, log_exposures
+from inverse.likelihood import Likelihood, places
+from inverse.limb_light import shadow_of
 from inverse.photo import Photo, read_photo
+from inverse.photo_model import PhotoModel, photo_model, profile_model
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, register
 
 FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
-
-
 LEAST_CELLS = 20  # of the disc; an overexposed crescent above a black umbra leaves some 40
 
 
@@ -30,6 +33,7 @@ class Evidence:
 
     - `photo`: what was read; `where`: the geometry of its time; `registration`, `cells`: None for a profile.
     - `site`: latitude, longitude [degrees] and, where given, height [m] of the observer; None for the Earth's centre.
+    - `one_clock`: whether its time is that of its camera's clock, right or wrong, as for the others of that camera.
     - `remarks`: sentences for the report.
     """
 
@@ -38,12 +42,22 @@ class Evidence:
     site: tuple | None
     registration: Registration | None
     cells: Cells | None
+    one_clock: bool
     remarks: tuple[str, ...]
 
     @property
     def name(self) -> str:
         """File name."""
         return Path(self.photo.path).name
+
+    def neighbours(self) -> np.ndarray:
+        """Numbers of the cells, or bins, that lie around each, itself among them (cell, neighbour)."""
+        if self.cells is None:
+            assert isinstance(self.photo, Profile)
+            position, count = self.photo.offset[:, None], min(3, len(self.photo.offset))
+        else:
+            position, count = np.stack([self.cells.right, self.cells.up], axis=1), 9
+        return np.asarray(KDTree(position).query(position, k=count)[1])
 
 
 def gather(
@@ -59,9 +73,10 @@ def gather(
         raise InputError("There is nothing to fit: name at least one photograph.")
     photos = [read_profile(path) if str(path).lower().endswith(".csv") else read_photo(path) for path in paths]
     times = times_of(photos, time)
+    one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
     found = []
     for number, (photo, utc) in enumerate(zip(photos, times, strict=True), 1):
-        found.append(_place(photo, utc, site, disc))
+        found.append(_place(photo, utc, site, disc, one_clock))
         progress("registering", number, len(photos))
     return found
 
@@ -101,7 +116,7 @@ def _iso(instant: datetime) -> str:
     return (instant + timedelta(0)).isoformat() + "Z"
 
 
-def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | None) -> Evidence:
+def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | None, one_clock: bool) -> Evidence:
     remarks = []
     site = site or getattr(photo, "site", None)
     if site is None and isinstance(photo, Photo):
@@ -117,7 +132,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
             f"{site[0]:g}, {site[1]:g}: check the time (UTC) and the site (north and east are positive)."
         )
     if isinstance(photo, Profile):
-        return Evidence(photo, where, site, None, None, tuple(remarks))
+        return Evidence(photo, where, site, None, None, False, tuple(remarks))
     registration = register(photo, where, disc=disc)
     cells = bin_photo(photo, registration)
     seen = int((cells.usable.any(axis=1) & cells.on_disc).sum())
@@ -130,23 +145,26 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
         remarks.append(
             f"{Path(photo.path).name}: neither maria nor shadow fixed the roll of the camera; north up was assumed."
         )
-    return Evidence(photo, where, site, registration, cells, tuple(remarks))
+    return Evidence(photo, where, site, registration, cells, one_clock, tuple(remarks))
 
 
-def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]:
-    """The likelihood of all photographs, and the low-rank part of each one's covariance."""
-    models, data, mask, whiteners, smooth = [], [], [], [], []
-    for item in evidence:
+def prepare(evidence: Sequence[Evidence]) -> Likelihood:
+    """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
+    exposures = log_exposures([item.photo for item in evidence])
+    models, data, mask, errors = [], [], [], []
+    for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             on_disc = np.ones(len(value), dtype=bool)
-            position = np.degrees(item.photo.offset)[:, None] * 60.0 / 17.0  # noise.LENGTH is in radii of 15-17'
+            offset = item.photo.offset
+            position = (offset / 4.6e-3)[:, None]  # in radii of the Moon
         else:
             assert item.cells is not None and item.registration is not None
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
             on_disc = item.cells.on_disc
             position = np.stack([item.cells.right, item.cells.up], axis=1)
+            offset = None
         disc_values = value[on_disc][usable[on_disc]]
         dark = 3.0 * np.median(sigma[usable])
         floor = max(FLOOR * float(np.median(disc_values)), float(dark), 1e-6)
@@ -154,18 +172,33 @@ def prepare(evidence: Sequence[Evidence]) -> tuple[Likelihood, list[np.ndarray]]
             model = profile_model(item.photo, item.where, floor)
         else:
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
+        gain, width = jnp.asarray(exposure.relative), jnp.asarray(exposure.width)
+        models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)[:, None]
-        counted = usable.astype(float)
-        spread = np.sqrt(relative**2 + (sigma / scale) ** 2)
-        modes = noise.smooth_errors(noise.smooth_modes(position[on_disc]), on_disc)
-        # Where the floor rules, a relative error of the light is that much smaller in the log.
-        modes = modes * (counted * np.maximum(value, 0.0) / scale).ravel()[:, None]
-        models.append(model)
         data.append(jnp.asarray(np.log(scale).ravel()))
-        mask.append(jnp.asarray(counted.ravel()))
-        smooth.append(modes)
-        whiteners.append(noise.whitener(spread.ravel(), modes))
+        mask.append(jnp.asarray(usable.astype(float).ravel()))
+        # Where the floor rules, a relative error of the light is that much smaller in the log.
+        share = usable * np.maximum(value, 0.0) / scale
+        if offset is None:
+            assert isinstance(model, PhotoModel)
+            offset = np.asarray(model.seen(jnp.zeros(len(model.parameters)))[0].offset)
+        modes = noise.smooth_modes(position[on_disc], offset[on_disc])
+        errors.append(noise.errors_of(np.sqrt(relative**2 + (sigma / scale) ** 2), modes, on_disc, share))
     shadow = shadow_of([item.where for item in evidence])
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(whiteners))
-    return likelihood.with_gains(), smooth
+    shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
+    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(errors), places(shared, models))
+    groups: dict[object, list[int]] = {}
+    for number, keys in enumerate(shared):
+        groups.setdefault(keys.get("gain", number), []).append(number)
+    return likelihood.centred(list(groups.values()))
+
+
+def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:
+    """What a photograph shares with others that have the same keys: nuisances by name."""
+    if exposure.camera is None:
+        return {}
+    keys: dict[str, object] = {name: (name, exposure.camera) for name in prior.OF_CAMERA}
+    if item.one_clock:
+        keys["clock"] = ("clock", exposure.camera)
+    return keys

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.errors import InputError
@@ -17,11 +16,14 @@ from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, maximum
+from inverse.noise_fit import fitted_errors
 from inverse.result import Fit
 from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
 STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
-SHOWN = 40  # draws behind the bands of the plots
+ERROR_ROUNDS = 3  # between the optimum and the size of the errors
+STAGES = len(STARTS) + ERROR_ROUNDS
+SHOWN = 24  # draws behind the bands of the plots
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def fit_atmosphere(
     balance, tone curve, glare, pointing, clock), from several starts. The posterior is over the limb, with the
     nuisances marginalised about the optimum: Laplace's Gaussian, corrected by importance weights, where its
     diagnostics allow it and the dust is away from zero, otherwise sampled (`inverse.answer`). Priors:
-    `inverse.prior`. Errors: `inverse.noise`, inflated until the best fit is as good as it claims. Raises `InputError`
+    `inverse.prior`. Errors: `inverse.noise`, as large as the photographs say (`inverse.noise_fit`). Raises `InputError`
     with one sentence where a photograph cannot be used.
 
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
@@ -71,47 +73,47 @@ def fit_atmosphere(
     if isinstance(photographs, str | PathLike):
         photographs = [photographs]
     evidence = gather(photographs, time=time, site=site, disc=disc, progress=lambda *a: progress(Progress(*a)))
-    progress(Progress("fitting", 0, len(STARTS) + 1))
-    likelihood, smooth = prepare(evidence)
+    progress(Progress("fitting", 0, STAGES))
+    likelihood = prepare(evidence)
     depends_on = identity(evidence, likelihood.parameters, disc, seed)
     file = None if chain is None else Path(chain)
     record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
     if record is None:
-        optimum, likelihood, smooth, inflation = optimise(likelihood, smooth, progress)
+        optimum, likelihood = optimise(evidence, likelihood, progress)
     else:
-        optimum, inflation, first_draws = begun(record.beginning)
+        optimum, errors, first_draws = begun(record.beginning, likelihood.errors)
         draws = first_draws if draws is None else draws
-        likelihood, smooth = likelihood.inflated(inflation), [inflation * modes for modes in smooth]
-        progress(Progress("fitting", len(STARTS) + 1, len(STARTS) + 1))
-    numbers = beginning(optimum, inflation, draws)
+        likelihood = replace(likelihood, errors=errors)
+        progress(Progress("fitting", STAGES, STAGES))
+    numbers = beginning(optimum, likelihood.errors, draws)
     found = answer(
-        likelihood, optimum, smooth, draws=draws, seed=seed,
+        likelihood, optimum, draws=draws, seed=seed,
         before=None if record is None else record.chain,
         keep=lambda samples: None if file is None else Record(depends_on, numbers, samples).write(file),
         progress=lambda stage, done, of: progress(Progress(stage, done, of)),
     )  # fmt: skip
-    return conclude(evidence, likelihood, optimum, found, inflation, seed, clock.perf_counter() - started)
+    return conclude(evidence, likelihood, optimum, found, seed, clock.perf_counter() - started)
 
 
-def optimise(likelihood: Likelihood, smooth, progress) -> tuple[Optimum, Likelihood, list[np.ndarray], float]:
-    """The optimum, with the errors inflated so that the data's chi-squared is what it should be.
-
-    The inflation is one factor, at least 1, on all errors of all photographs (Birge's ratio).
-    """
+def optimise(evidence, likelihood: Likelihood, progress: Callable[[Progress], None]) -> tuple[Optimum, Likelihood]:
+    """The optimum, with the errors as large as the photographs say that they are (`inverse.noise_fit`)."""
     count = len(likelihood.parameters)
     starts = np.zeros((len(STARTS), count))
     names = [parameter.name for parameter in prior.ATMOSPHERE]
     for start, (top, cover) in zip(starts, STARTS, strict=True):
         start[names.index("clouds.top")], start[names.index("clouds.cover")] = top, cover
-    optimum = maximum(likelihood, starts, lambda n: progress(Progress("fitting", n, len(STARTS) + 1)))
-    squares = optimum.cost - float(np.sum(optimum.z**2))
-    inflation = max(1.0, float(np.sqrt(squares / sum(float(usable.sum()) for usable in likelihood.usable))))
-    if inflation > 1.0:
-        likelihood, smooth = likelihood.inflated(inflation), [inflation * modes for modes in smooth]
-        again = maximum(likelihood, optimum.z[None])
-        optimum = replace(again, costs=optimum.costs)
-    progress(Progress("fitting", len(STARTS) + 1, len(STARTS) + 1))
-    return optimum, likelihood, smooth, inflation
+    around = [item.neighbours() for item in evidence]
+    first = optimum = maximum(likelihood, list(starts), lambda n: progress(Progress("fitting", n, STAGES)))
+    for number in range(ERROR_ROUNDS):
+        likelihood = replace(likelihood, errors=tuple(
+            fitted_errors(errors, misfit, slopes, np.asarray(usable), neighbours)
+            for errors, (misfit, slopes), usable, neighbours in zip(
+                likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.usable, around, strict=True
+            )
+        ))  # fmt: skip
+        optimum = maximum(likelihood, [optimum.z])
+        progress(Progress("fitting", len(STARTS) + number + 1, STAGES))
+    return replace(optimum, costs=first.costs), likelihood
 
 
 def conclude(
@@ -119,7 +121,6 @@ def conclude(
     likelihood: Likelihood,
     optimum: Optimum,
     found: Answer,
-    inflation: float,
     seed: int,
     seconds: float,
 ) -> Fit:
@@ -129,16 +130,16 @@ def conclude(
     quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
     shown = random.choice(found.z.reshape(-1, size), SHOWN)
     normal = random.standard_normal((SHOWN, len(optimum.z) - size))
-    start = jnp.asarray(optimum.z[size:])
-    joint = np.array(
-        [with_nuisances(likelihood, jnp.asarray(z), start, jnp.asarray(n)) for z, n in zip(shown, normal, strict=True)]
-    )
+    joint = np.array([with_nuisances(likelihood, optimum, z, n) for z, n in zip(shown, normal, strict=True)])
     photos = tuple(photo_fit(item, likelihood, i, optimum.z, joint) for i, item in enumerate(evidence))
     diagnostics = {
         "converged": optimum.converged,
         "steps": optimum.steps,
         "costs_of_starts": optimum.costs,
-        "error_inflation": inflation,
+        "errors": [
+            {"independent": errors.independent, "smooth": errors.smooth, "chromatic": errors.chromatic}
+            for errors in likelihood.errors
+        ],
         "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],

@@ -1,16 +1,23 @@
-"""The most probable limb: Levenberg-Marquardt from several starts, and Laplace's covariance there."""
+"""The most probable limb and nuisances: Gauss and Newton within a trust region, and Laplace's covariance there.
 
-from dataclasses import dataclass
+Each step sums what the photographs say into one small set of normal equations, whatever their number and size. An
+optimiser that traces its function would compile all photographs together, half a minute for one and anew for every
+other number of them; SciPy's is called with numbers.
+"""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
 import numpy as np
-import optimistix as optx
+from scipy.optimize import least_squares
 
-MAX_STEPS = 120
-# Change of z (the prior's standard deviation is 1) and of the residuals at which a descent ends.
-RELATIVE, ABSOLUTE = 1e-4, 1e-3
+from inverse.likelihood import Likelihood
+
+MOST_STEPS = 150
+# Relative change of the cost at which a descent ends: where starts are compared, and where the best one goes on.
+ROUGH, COST_CHANGE = 1e-3, 5e-6
+STEP = 1e-4  # smallest change of z, relative to its length
 
 
 @dataclass(frozen=True)
@@ -21,7 +28,7 @@ class Optimum:
     - `cost`: minus twice the log posterior, up to a constant.
     - `converged`: whether the solver says so.
     - `steps`: taken.
-    - `jacobian`: of the residuals at `z` (residual, parameter), prior rows last.
+    - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
     - `costs`: of all starts.
     """
 
@@ -29,54 +36,79 @@ class Optimum:
     cost: float
     converged: bool
     steps: int
-    jacobian: np.ndarray
+    information: np.ndarray
     costs: tuple[float, ...]
 
     @property
     def covariance(self) -> np.ndarray:
-        """Laplace: (J' J)^-1 of the whitened residuals with the prior among them, by SVD."""
-        _, singular, right = np.linalg.svd(self.jacobian, full_matrices=False)
-        return (right.T / singular**2) @ right
+        """Laplace: the inverse of the information, whose eigenvalues the prior keeps at 1 or above."""
+        value, vector = np.linalg.eigh(self.information)
+        return (vector / np.maximum(value, 1.0)) @ vector.T
 
 
-@eqx.filter_custom_jvp
-def _residuals(z, likelihood):
-    return likelihood.residuals(z)
+@dataclass(frozen=True)
+class Quadratic:
+    """The cost about a point: cost + 2 gradient dz + dz information dz."""
+
+    cost: float
+    gradient: np.ndarray
+    information: np.ndarray
 
 
-@_residuals.def_jvp
-def _residuals_jvp(primals, tangents):
-    """The solver applies the Jacobian in many places: so the model is traced and compiled once, not in each."""
-    (z, likelihood), (z_dot, _) = primals, tangents
-    along = lambda direction: jax.jvp(likelihood.residuals, (z,), (direction,))
-    value, jacobian = jax.vmap(along, out_axes=(None, -1))(jnp.eye(z.size))
-    return value, jacobian @ z_dot
+def quadratic(likelihood: Likelihood, z: np.ndarray) -> Quadratic:
+    """Minus twice the log posterior about z."""
+    cost, gradient, information = float(z @ z), z.copy(), np.eye(z.size)
+    for number, (misfit, slopes) in enumerate(likelihood.misfits_and_slopes(z)):
+        white = likelihood.errors[number].whitener
+        misfit, slopes = white(misfit), white(slopes)
+        columns = likelihood.columns(number)
+        cost += float(misfit @ misfit)
+        gradient[columns] += slopes.T @ misfit
+        information[np.ix_(columns, columns)] += slopes.T @ slopes
+    return Quadratic(cost, gradient, information)
 
 
-@eqx.filter_jit
-def _descend(likelihood, start):
-    solver = optx.LevenbergMarquardt(rtol=RELATIVE, atol=ABSOLUTE)
-    solution = optx.least_squares(_residuals, solver, start, args=likelihood, max_steps=MAX_STEPS, throw=False)
-    # What the solver knows of its last point: compiling the model once more costs as much as all its steps.
-    last = solution.state.f_info
-    successful = solution.result == optx.RESULTS.successful
-    cost = jnp.sum(last.residual**2)
-    return solution.value, cost, successful, solution.stats["num_steps"], last.jac.as_matrix()
+def maximum(
+    likelihood: Likelihood, starts: Sequence[np.ndarray], report: Callable[[int], None] = lambda done: None
+) -> Optimum:
+    """Descend from each start, a little way where there are several, and on from the best.
 
-
-def maximum(likelihood, starts, report=lambda done: None) -> Optimum:
-    """Descend from each start and keep the best.
-
-    - `starts`: vectors z (start, parameter).
+    - `starts`: vectors z (parameter,).
     - `report`: called with the number of starts done.
     """
     best, costs = None, []
     for number, start in enumerate(starts, 1):
-        z, cost, converged, steps, jacobian = _descend(likelihood, jnp.asarray(start))
-        costs.append(float(cost))
-        if np.isfinite(cost) and (best is None or cost < best[1]):
-            best = np.asarray(z), float(cost), bool(converged), int(steps), np.asarray(jacobian)
+        found = _descend(likelihood, np.asarray(start, dtype=float), COST_CHANGE if len(starts) == 1 else ROUGH)
+        costs.append(found.cost)
+        if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
+            best = found
         report(number)
     if best is None:
         raise FloatingPointError("no start gave a finite posterior")
-    return Optimum(*best, tuple(costs))
+    if len(starts) > 1:
+        best = _descend(likelihood, best.z, COST_CHANGE)
+    return replace(best, costs=tuple(costs))
+
+
+def _descend(likelihood: Likelihood, start: np.ndarray, change: float) -> Optimum:
+    at = lru_cache(maxsize=2)(lambda z: quadratic(likelihood, np.frombuffer(z)))
+
+    def jacobian(z):
+        return np.linalg.cholesky(at(z.tobytes()).information).T
+
+    def residual(z):
+        # Any root of the normal equations has their steps; the last row makes up the rest of the cost.
+        here = at(z.tobytes())
+        if not (np.isfinite(here.cost) and np.isfinite(here.information).all()):
+            return np.full(z.size + 1, np.inf)
+        row = np.linalg.solve(jacobian(z).T, here.gradient)
+        return np.append(row, np.sqrt(max(here.cost - row @ row, 0.0)))
+
+    if not np.isfinite(residual(start)).all():
+        return Optimum(start, np.inf, False, 0, np.eye(start.size), ())
+    found = least_squares(
+        residual, start, lambda z: np.vstack([jacobian(z), np.zeros(z.size)]),  # pyright: ignore[reportArgumentType]
+        ftol=change, xtol=STEP, gtol=1e-12, max_nfev=MOST_STEPS,
+    )  # fmt: skip
+    here = at(found.x.tobytes())
+    return Optimum(found.x, here.cost, found.status > 0, int(found.nfev), here.information, ())

@@ -4,36 +4,82 @@ No model of the limb is right to better than some 10 %, smoothly over the disc: 
 contrast with them. Treated as independent, such errors make intervals nine times too narrow. So the covariance of
 the log residuals is
 
-    D (noise and independent error of each cell) + G (smooth errors, common and by channel) + J J' (linearised
-    nuisances)
+    s^2 D (noise and independent error of each cell) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
+    each channel)
 
-with G and J of low rank: C^(-1/2) costs two thin matrix products.
+with A and C of low rank: a multiplication by its inverse root costs two thin matrix products. How large s, a and c
+are, the photograph says itself (`inverse.noise_fit`).
 """
 
-import equinox as eqx
-import jax.numpy as jnp
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
-from jaxtyping import Array, Float
+from scipy.linalg import eigh
 
 INDEPENDENT = 0.05  # relative error of one cell: craters and the map's own errors
 SKY = 0.3  # relative error of the sky's brightness beside the Moon: glare is modelled coarsely
 COMMON = 0.10  # amplitude of the smooth error common to the channels
 CHROMATIC = 0.04  # amplitude of that of each channel
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
+RADIAL = 1e-3  # rad: 3.4 arcmin
+MODES = 50  # common to the channels, and as many for each
 
 
-class Whitener(eqx.Module):
-    """Multiplies residuals by C^(-1/2), C = diag(sigma^2) + L L'."""
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the log values of one photograph.
 
-    sigma: Float[Array, " datum"]
-    basis: Float[Array, "datum rank"]
-    """Orthonormal."""
-    shrink: Float[Array, " rank"]
-    """1 / sqrt(1 + eigenvalue) - 1."""
+    - `sigma`: root of D (datum,).
+    - `modes`: A and C side by side (datum, mode); `common`: how many of them are A's.
+    - `independent`, `smooth`, `chromatic`: s, a, c.
+    - `outlying`: by what D is larger where a cell belongs to no model: a star, a hot pixel (datum,).
+    """
 
-    def __call__(self, residual: Float[Array, " datum"]) -> Float[Array, " datum"]:
-        scaled = residual / self.sigma
-        return scaled + self.basis @ ((scaled @ self.basis) * self.shrink)
+    sigma: np.ndarray
+    modes: np.ndarray
+    common: int
+    independent: float = 1.0
+    smooth: float = COMMON
+    chromatic: float = CHROMATIC
+    outlying: np.ndarray | float = 1.0
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Standard deviation of the independent errors (datum,)."""
+        return self.independent * self.sigma * np.sqrt(self.outlying)
+
+    @property
+    def amplitudes(self) -> np.ndarray:
+        """Of each mode (mode,)."""
+        return np.where(np.arange(self.modes.shape[1]) < self.common, self.smooth, self.chromatic)
+
+    @cached_property
+    def whitener(self) -> "Whitener":
+        """Multiplies by the inverse root of the covariance."""
+        return whitener(self.scale, self.modes * self.amplitudes)
+
+    def without_smooth(self) -> "Errors":
+        """The same variance of every datum, all of it independent: what is usually assumed, and wrong."""
+        variance = self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)
+        return replace(self, sigma=np.sqrt(variance), independent=1.0, outlying=1.0, smooth=1e-9, chromatic=1e-9)
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Multiplies residuals by C^(-1/2), C = diag(sigma^2) + L L'.
+
+    - `sigma`: (datum,); `basis`: orthonormal (datum, rank); `shrink`: 1 / sqrt(1 + eigenvalue) - 1 (rank,).
+    """
+
+    sigma: np.ndarray
+    basis: np.ndarray
+    shrink: np.ndarray
+
+    def __call__(self, residual: np.ndarray) -> np.ndarray:
+        """Of residuals (datum,) or of many side by side (datum, column)."""
+        scaled = (residual.T / self.sigma).T
+        return scaled + self.basis @ ((self.basis.T @ scaled).T * self.shrink).T
 
 
 def whitener(sigma: np.ndarray, low_rank: np.ndarray) -> Whitener:
@@ -41,47 +87,44 @@ def whitener(sigma: np.ndarray, low_rank: np.ndarray) -> Whitener:
     scaled = low_rank / sigma[:, None]
     # The eigenvectors of the small L'L: an SVD of the tall matrix costs ten times as much.
     eigenvalue, vector = np.linalg.eigh(scaled.T @ scaled)
-    kept = eigenvalue > 1e-9 * eigenvalue.max()
+    kept = eigenvalue > 1e-9 * max(eigenvalue.max(), 1e-300)
     basis = np.where(kept, scaled @ vector / np.sqrt(np.where(kept, eigenvalue, 1.0)), 0.0)
     shrink = np.where(kept, 1.0 / np.sqrt(1.0 + np.where(kept, eigenvalue, 0.0)) - 1.0, 0.0)
-    return Whitener(jnp.asarray(sigma), jnp.asarray(basis), jnp.asarray(shrink))
+    return Whitener(sigma, basis, shrink)
 
 
-def smooth_modes(position: np.ndarray, length: float = LENGTH, variance: float = 0.99) -> np.ndarray:
-    """L of a unit squared-exponential covariance over positions (cell, dimension): (cell, mode).
+def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """L of the covariance of smooth errors, of variance 1 (cell, mode).
 
-    Through inducing points half a length apart (Nystroem), which keep all that is smooth, then truncated.
+    Half of it exp(-distance / LENGTH) over the disc: rough at every scale, as the misfits of real photographs are.
+    Half of it exp(-difference / RADIAL) of the offsets from the shadow's axis: limbs that differ from one another, as
+    the Earth's do, wash out every sharp feature that a symmetric one has. The `MODES` with the largest variance; what
+    is left of it is independent from cell to cell, and the amplitude of independent errors is fitted.
 
-    - `length`: correlation length, in the unit of the positions.
-    - `variance`: share kept by the truncation.
+    - `position`: on the disc, in its radii (cell, 2); `offset`: (cell,) [rad].
     """
-    lines = [np.arange(low - 0.5 * length, high + length, 0.6 * length)
-             for low, high in zip(position.min(axis=0), position.max(axis=0), strict=True)]  # fmt: skip
-    inducing = np.stack([axis.ravel() for axis in np.meshgrid(*lines)], axis=1)
-
-    def covariance(a, b):
-        return np.exp(-0.5 * np.sum((a[:, None] - b[None]) ** 2, axis=-1) / length**2)
-
-    factor = np.linalg.cholesky(covariance(inducing, inducing) + 1e-6 * np.eye(len(inducing)))
-    low_rank = np.linalg.solve(factor, covariance(inducing, position)).T
-    values, vectors = np.linalg.eigh(low_rank.T @ low_rank)
-    values, vectors = values[::-1], vectors[:, ::-1]
-    kept = int(np.searchsorted(np.cumsum(values) / values.sum(), variance)) + 1
-    return low_rank @ vectors[:, :kept]
+    apart = np.linalg.norm(position[:, None] - position, axis=-1)
+    farther = np.abs(offset[:, None] - offset)
+    covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
+    last = len(position) - 1
+    # Of the mean over the disc it says nothing: the exposure is free to meet it, and else meets it no more.
+    covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - MODES), last))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def smooth_errors(modes: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
-    """L of the smooth errors of (cell, channel) residuals in row-major order: common, then by channel.
+def errors_of(sigma: np.ndarray, modes: np.ndarray, on_disc: np.ndarray, share: np.ndarray) -> Errors:
+    """Errors of (cell, channel) residuals.
 
-    - `modes`: (disc cell, mode).
-    - `on_disc`: (cell,); sky cells have no such error.
+    - `sigma`: of the independent errors (cell, 3).
+    - `modes`: smooth ones on the disc (disc cell, mode); sky cells have none.
+    - `on_disc`: (cell,).
+    - `share`: by what a smooth error is smaller in each log value (cell, 3).
     """
     cells, rank = on_disc.size, modes.shape[1]
-    common = np.zeros((cells, 3, rank))
-    common[on_disc] = COMMON * modes[:, None, :]
-    blocks = [common.reshape(3 * cells, rank)]
-    for channel in range(3):
+    blocks = []
+    for channels in (slice(None), 0, 1, 2):
         block = np.zeros((cells, 3, rank))
-        block[on_disc, channel] = CHROMATIC * modes
-        blocks.append(block.reshape(3 * cells, rank))
-    return np.concatenate(blocks, axis=1)
+        block[on_disc, channels] = modes[:, None, :] if channels == slice(None) else modes
+        blocks.append((share[..., None] * block).reshape(3 * cells, rank))
+    return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)

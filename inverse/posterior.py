@@ -1,10 +1,15 @@
 """The posterior of the limb: a density over the few parameters that are not nearly linear.
 
-The nuisances of each photograph are marginalised to first order about the optimum: with J their Jacobian, J J'
-joins the covariance of the residuals. A sampler then sees only the atmosphere.
+The nuisances of the photographs are marginalised to first order about the optimum: with G their whitened slopes there
+and b the whitened misfits less what the nuisances at the optimum did, the log density is
+
+    -1/2 (b b - b G (1 + G G)^-1 G b)
+
+A sampler then sees only the atmosphere, and the geometry of the photographs stands still.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,70 +17,88 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from inverse.likelihood import Likelihood, shadow_light
+from inverse.likelihood import LIMB, Likelihood
+from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
-from inverse.noise import Whitener, whitener
+from inverse.photo_model import PhotoModel, ProfileModel
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
 
-
-class LimbPosterior(eqx.Module):
-    """Log posterior of the atmosphere with the nuisances of the photographs marginalised."""
-
-    likelihood: Likelihood
-    nuisances: Float[Array, " nuisance"]
-    """At the optimum."""
-    shift: tuple[Float[Array, " datum"], ...]
-    """J times the nuisances at the optimum: their prior is centred on zero."""
-    whiteners: tuple[Whitener, ...]
-
-    def __call__(self, limb: Float[Array, " parameter"]) -> Float[Array, ""]:
-        """Log posterior up to a constant; -inf where it is not finite."""
-        misfits = self.likelihood.misfits(jnp.concatenate([limb, self.nuisances]))
-        squares = [
-            jnp.sum(w(misfit + shift) ** 2)
-            for w, misfit, shift in zip(self.whiteners, misfits, self.shift, strict=True)
-        ]
-        value = -0.5 * (sum(squares) + jnp.sum(limb**2))
-        return jnp.where(jnp.isfinite(value), value, -jnp.inf)
+Density = Callable[[np.ndarray], np.ndarray]
 
 
-def limb_posterior(likelihood: Likelihood, optimum: Optimum, low_rank: list[np.ndarray]) -> LimbPosterior:
-    """Marginalise the nuisances about the optimum.
+def limb_posterior(likelihood: Likelihood, optimum: Optimum) -> Density:
+    """Log posterior up to a constant (draw,) of points z of the limb (draw, parameter); -inf where not finite."""
+    count = len(likelihood.parameters) - LIMB
+    slopes = likelihood.misfits_and_slopes(optimum.z)
+    information = np.eye(count)
+    whitened, stills = [], []
+    for number, (_, by) in enumerate(slopes):
+        place = likelihood.places[number]
+        white = likelihood.errors[number].whitener
+        by = white(by[:, LIMB:])
+        information[np.ix_(place - LIMB, place - LIMB)] += by.T @ by
+        whitened.append((white, by, by @ optimum.z[place], place - LIMB))
+        stills.append(Still.of(likelihood, number, optimum.z[place]))
+    factor = np.linalg.cholesky(information)
 
-    - `low_rank`: the smooth errors L of each photograph (datum, mode), as given to `noise.whitener`.
-    """
-    limb, *nuisances = likelihood.split(jnp.asarray(optimum.z))
-    table = shadow_light(likelihood.shadow, limb)
-    whiteners, shifts = [], []
-    for i, (model, nuisance, old) in enumerate(zip(likelihood.models, nuisances, likelihood.whiteners, strict=True)):
-        slope = np.asarray(likelihood.usable[i])[:, None] * np.asarray(_slopes(model, table, nuisance))
-        whiteners.append(whitener(np.asarray(old.sigma), np.concatenate([low_rank[i], slope], axis=1)))
-        shifts.append(jnp.asarray(slope @ np.asarray(nuisance)))
-    return LimbPosterior(likelihood, jnp.concatenate(nuisances), tuple(shifts), tuple(whiteners))
+    def density(z: np.ndarray) -> np.ndarray:
+        entries = _entries(likelihood.shadow, jnp.asarray(z))
+        value = -0.5 * np.sum(z**2, axis=1)
+        along = np.zeros((count, len(z)))
+        for still, (white, by, shift, place) in zip(stills, whitened, strict=True):
+            b = white(np.asarray(still(likelihood.shadow, entries)).T) - shift[:, None]
+            value -= 0.5 * np.sum(b**2, axis=0)
+            np.add.at(along, place, by.T @ b)
+        value += 0.5 * np.sum(np.linalg.solve(factor, along) ** 2, axis=0)
+        return np.where(np.isfinite(value), value, -np.inf)
+
+    return batched(density)
+
+
+class Still(eqx.Module):
+    """A photograph whose nuisances stand still: misfits for many tables of the shadow."""
+
+    model: PhotoModel | ProfileModel
+    seen: Any
+    data: Float[Array, " datum"]
+    usable: Float[Array, " datum"]
+    nuisance: Float[Array, " nuisance"]
+
+    @classmethod
+    def of(cls, likelihood: Likelihood, number: int, nuisance: np.ndarray) -> "Still":
+        """A photograph of a likelihood, at these nuisances."""
+        model, z = likelihood.models[number], jnp.asarray(nuisance)
+        return cls(model, _seen(model, z), likelihood.data[number], likelihood.usable[number], z)
+
+    @eqx.filter_jit
+    def __call__(self, shadow: Shadow, entries: Float[Array, "draw offset 2 channel"]) -> Float[Array, "draw datum"]:
+        """Misfits for many tables of the shadow, given by their entries."""
+
+        def misfit(log_light):
+            values = self.model.signal(shadow.table(log_light), self.seen, self.nuisance) + self.model.floor
+            return self.usable * (self.data - jnp.log(values).ravel())
+
+        return jax.lax.map(misfit, entries, batch_size=TOGETHER)
 
 
 @eqx.filter_jit
-def _slopes(model, table, nuisance):
-    """Derivatives of a photograph's log values by its nuisances (datum, nuisance)."""
-    return jax.jacfwd(lambda nuisance: model(table, nuisance).ravel())(nuisance)
+def _seen(model, nuisance):
+    return model.seen(nuisance)
 
 
-def batched(posterior) -> Callable[[np.ndarray], np.ndarray]:
-    """A compiled function from points (draw, parameter) to log densities (draw,), in NumPy.
+@eqx.filter_jit
+def _entries(shadow: Shadow, limb: Float[Array, "draw parameter"]):
+    """Entries of the shadow's tables (draw, offset, 2, channel)."""
+    return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=TOGETHER)
 
-    - `posterior`: a module that maps (parameter,) to a log density.
-    """
 
-    def density(z):
+def batched(density: Density) -> Density:
+    """The same density, called with no other number of points than `BATCH`."""
+
+    def value(z: np.ndarray) -> np.ndarray:
         padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
-        parts = [np.asarray(_batch(posterior, jnp.asarray(part))) for part in np.split(padded, len(padded) // BATCH)]
-        return np.concatenate(parts)[: len(z)]
+        return np.concatenate([density(part) for part in np.split(padded, len(padded) // BATCH)])[: len(z)]
 
-    return density
-
-
-@eqx.filter_jit
-def _batch(posterior, z: Float[Array, "draw parameter"]) -> Float[Array, " draw"]:
-    return jax.lax.map(posterior, z, batch_size=TOGETHER)
+    return value

@@ -59,13 +59,18 @@ ATMOSPHERE = (
     Parameter("clouds.width", "m", "lognormal", 4e3, 0.4, "tops vary along the limb"),
     Parameter("haze.optical_depth", "-", "lognormal", 0.1, 0.6, "vertical, 550 nm; AERONET's usual range"),
     Parameter("ozone.column_du", "DU", "normal", 300.0, 35.0, "mean of the limb"),
+    Parameter("scattered.amplitude", "-", "lognormal", 1.0, 0.4, "of the light that a typical limb scatters"),
 )  # fmt: skip
 
-# What the camera, its pointing and the photographer's clock add. For each photograph.
+# What the camera, its pointing and the photographer's clock add. For each photograph; what a camera is known to keep
+# from one photograph to the next is one for all of its photographs (`OF_CAMERA`), and so is its clock.
 PHOTOGRAPH = (
-    Parameter("gain", "ln", "normal", 0.0, 3.0, "exposure unknown; centred on the photograph itself"),
+    Parameter("gain", "ln", "normal", 0.0, 3.0, "sensitivity unknown; centred on the photographs themselves"),
+    Parameter("exposure", "sd", "normal", 0.0, 1.0, "error of the stated exposure, in its own standard deviations"),
     Parameter("white_balance.red", "ln", "normal", 0.0, 0.3, "against green, from the light of the full Moon"),
     Parameter("white_balance.blue", "ln", "normal", 0.0, 0.3, "against green"),
+    Parameter("tint.red", "ln", "normal", 0.0, 0.03, "of this photograph against others of its camera"),
+    Parameter("tint.blue", "ln", "normal", 0.0, 0.03, "of this photograph against others of its camera"),
     Parameter("albedo.contrast", "-", "lognormal", 0.7, 0.2, "of the lunar map near opposition: 0.58-0.81 fitted"),
     Parameter("camera.glare", "-", "lognormal", 0.01, 1.0, "share of the light in wide wings"),
     Parameter("camera.veil", "of the disc's median", "lognormal", 0.01, 1.5, "sky glow, even over the frame"),
@@ -75,10 +80,18 @@ PHOTOGRAPH = (
     Parameter("clock", "s", "normal", 0.0, 60.0, "of the camera, or of who wrote the time down"),
 )
 TONE = (
-    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.15, "picture styles, relative to sRGB's own curve"),
+    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.25, "picture styles, relative to sRGB's own curve"),
     Parameter("tone.toe", "full scale", "lognormal", 0.01, 1.0, "darkening of shadows by contrast curves"),
-    Parameter("tone.shoulder", "-", "lognormal", 0.3, 0.8, "compression of highlights"),
+    Parameter("tone.black", "full scale", "normal", 0.0, 0.001, "what the camera takes for black"),
+    Parameter("tone.shoulder", "-", "lognormal", 0.5, 1.3, "compression of highlights"),
     Parameter("tone.saturation", "-", "normal", 0.8, 0.3, "share of the colour matrix that the camera applied"),
+    *(
+        Parameter(f"matrix.{name}", "-", "normal", 0.0, 0.12, "colour matrix against the one assumed")
+        for name in ("red_green", "red_blue", "green_red", "green_blue", "blue_red", "blue_green")
+    ),
+)
+OF_CAMERA = frozenset(
+    ["gain", "white_balance.red", "white_balance.blue", "albedo.contrast", *(parameter.name for parameter in TONE)]
 )
 
 
@@ -88,7 +101,7 @@ def photograph_parameters(tone_curve: str) -> tuple[Parameter, ...]:
 
 
 PROFILE = (
-    *(p for p in PHOTOGRAPH if p.name.split(".")[0] in ("gain", "white_balance")),
+    *(p for p in PHOTOGRAPH if p.name.split(".")[0] in ("gain", "exposure", "white_balance", "tint")),
     Parameter("camera.veil", "of the disc's median", "lognormal", 0.01, 1.5, "sky glow and wide glare together"),
     Parameter("pointing.offset", "rad", "normal", 0.0, 3e-4, "1': clock and registration together"),
 )

@@ -8,18 +8,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from eclipsejax.scene import axis_offset
 from inverse import prior
 from inverse.answer import Answer, by_ensemble
 from inverse.diagnostics import autocorrelation_time, quality
-from inverse.likelihood import Disc, Likelihood, PhotoModel, shadow_light, signal, wings_at
+from inverse.likelihood import LIMB, Likelihood
+from inverse.limb_light import shadow_light
 from inverse.map_estimate import Optimum
+from inverse.photo_model import Disc, PhotoModel, signal, wings_at
 from inverse.result import Estimate, PhotoFit
 
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
 PICTURE = 240  # pixels along a side of the pictures in a report
 NOT_INFORMED = 0.5  # share of the prior's variance taken away, below which a quantity is the prior's
-DISTRUSTED_INFLATION = 3.0
+UNEXPLAINED = 0.25  # smooth error above which a model does not explain a photograph
 
 
 def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_draws):
@@ -29,7 +30,7 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
     """
     found, named, named_prior = {}, {}, {}
     sd_z = np.sqrt(np.diag(optimum.covariance))
-    limb = len(prior.ATMOSPHERE)
+    limb = LIMB
     draws = answer.z
 
     def add(name, unit, function, z_map, sd, samples, before, index):
@@ -66,24 +67,22 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
         covariance = optimum.covariance[:limb, :limb]
         add(name, unit, function, z_limb, np.sqrt(gradient @ covariance @ gradient), draws, prior_draws, index)
 
-    start = limb
-    for number, model in enumerate(likelihood.models, 1):
-        for offset, parameter in enumerate(model.parameters):
-            index = start + offset
-            z, sd = float(optimum.z[index]), float(sd_z[index])
-            value, name = float(parameter.value(z)), f"{number}.{parameter.name}"
-            found[name] = Estimate(
-                name=name,
-                unit=parameter.unit,
-                map=value,
-                sd=abs(float(parameter.slope(z))) * sd,
-                median=value,
-                ci68=(float(parameter.value(z - sd)), float(parameter.value(z + sd))),
-                ci95=(float(parameter.value(z - 1.96 * sd)), float(parameter.value(z + 1.96 * sd))),
-                prior_ci95=(float(parameter.value(-1.96)), float(parameter.value(1.96))),
-                informed=max(0.0, 1.0 - sd**2),
-            )
-        start += len(model.parameters)
+    for index, (parameter, name) in enumerate(zip(likelihood.parameters, likelihood.labels, strict=True)):
+        if index < limb:
+            continue
+        z, sd = float(optimum.z[index]), float(sd_z[index])
+        value = float(parameter.value(z))
+        found[name] = Estimate(
+            name=name,
+            unit=parameter.unit,
+            map=value,
+            sd=abs(float(parameter.slope(z))) * sd,
+            median=value,
+            ci68=(float(parameter.value(z - sd)), float(parameter.value(z + sd))),
+            ci95=(float(parameter.value(z - 1.96 * sd)), float(parameter.value(z + 1.96 * sd))),
+            prior_ci95=(float(parameter.value(-1.96)), float(parameter.value(1.96))),
+            informed=max(0.0, 1.0 - sd**2),
+        )
     return found, named, named_prior
 
 
@@ -113,13 +112,14 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
     """One photograph beside its model, at the optimum `z` and for some draws of all parameters (draw, parameter)."""
     model = likelihood.models[number]
 
+    place = likelihood.places[number]
+
     def at(model, z):
-        limb, *nuisances = likelihood.split(jnp.asarray(z))
-        return np.asarray(signal(model, shadow_light(likelihood.shadow, limb), nuisances[number]))
+        table = shadow_light(likelihood.shadow, jnp.asarray(z[:LIMB]))
+        return np.asarray(signal(model, table, jnp.asarray(z[place])))
 
     predicted = at(model, z)
     drawn = np.stack([at(model, one) for one in draws])
-    nuisance = prior.values(model.parameters, likelihood.split(jnp.asarray(z))[1 + number])
     if not isinstance(model, PhotoModel):
         profile = item.photo
         everywhere = np.ones(len(profile.value), dtype=bool)
@@ -128,7 +128,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
             np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn,
         )  # fmt: skip
 
-    later, offset, albedo = _surface(model, nuisance)
+    later, surface = _surface(model, jnp.asarray(z[place]))
     cells, reach = item.cells, 1.3
     line = np.linspace(-reach, reach, PICTURE)
     right, up = np.meshgrid(line, -line)
@@ -147,12 +147,12 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         name=item.name,
         utc=later.utc,
         registration=item.registration,
-        offset=np.asarray(offset),
+        offset=np.asarray(surface.offset),
         on_disc=cells.on_disc,
         usable=cells.usable,
         observed=cells.value,
         predicted=predicted,
-        albedo=np.asarray(albedo),
+        albedo=np.asarray(surface.brightness),
         drawn=drawn,
         image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),
         model_image=picture,
@@ -161,10 +161,9 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
 
 
 @eqx.filter_jit
-def _surface(model: PhotoModel, nuisance):
-    """Geometry at the fitted time, offset of the cells from the axis and brightness of the surface."""
-    later, points = model.cells.points(model.geometry, model.roll, model.mirror, nuisance)
-    return later, axis_offset(later, points.position), model.surface(points, nuisance)
+def _surface(model: PhotoModel, z):
+    """Geometry at the fitted time, and the surface behind the cells."""
+    return model.geometry.after(prior.values(model.parameters, z)["clock"]), model.seen(z)[0]
 
 
 def _photograph(photo, registration, right, up):
@@ -189,11 +188,12 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sentences = [remark for item in evidence for remark in item.remarks]
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
-    if diagnostics["error_inflation"] > DISTRUSTED_INFLATION:
-        sentences.append(
-            f"The best model misses the photograph by {diagnostics['error_inflation']:.1f} times the errors assumed: "
-            "it does not explain it, and the intervals were widened by as much."
-        )
+    for item, errors in zip(evidence, diagnostics["errors"], strict=True):
+        if errors["smooth"] > UNEXPLAINED:
+            sentences.append(
+                f"This model cannot explain {item.name}: it is wrong by {100 * errors['smooth']:.0f} % in patches as "
+                "large as a mare, and the intervals were widened by as much."
+            )
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(

@@ -1,6 +1,7 @@
 """The cheapest way that can be trusted is the one that answers, and an answer says which it was."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from inverse import prior
 from inverse.answer import answer, away_from_zero, beginning, begun, by_ensemble
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
+from inverse.noise import Errors
 from tests.targets import gaussian
 
 SIZE = len(prior.ATMOSPHERE)
@@ -23,14 +25,11 @@ def asked(monkeypatch):
 
     def ask(density, z, covariance, draws=None, before=None):
         kept = []
-        monkeypatch.setattr(module, "limb_posterior", lambda likelihood, optimum, smooth: density)
-        monkeypatch.setattr(module, "batched", lambda posterior: posterior)
-        jacobian = np.linalg.cholesky(np.linalg.inv(covariance)).T
-        optimum = Optimum(np.asarray(z), 1.0, True, 3, jacobian, (1.0, 2.0))
+        monkeypatch.setattr(module, "limb_posterior", lambda likelihood, optimum: density)
+        information = np.linalg.inv(covariance)
+        optimum = Optimum(np.asarray(z), 1.0, True, 3, information, (1.0, 2.0))
         nothing: Any = None
-        found = answer(
-            nothing, optimum, [], draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None
-        )
+        found = answer(nothing, optimum, draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None)
         assert json.dumps(found.report, allow_nan=False)
         return found, kept
 
@@ -98,8 +97,13 @@ def test_dust_is_away_from_zero_where_its_interval_leaves_the_priors_end():
 
 def test_a_beginning_comes_back_from_numbers():
     optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5))
+    before = Errors(np.ones(4), np.ones((4, 2)), 1)
+    fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
     for draws in (None, 0, 640):
-        same, inflation, given = begun({name: np.asarray(v) for name, v in beginning(optimum, 1.2, draws).items()})
-        assert (inflation, given) == (1.2, draws)
-        assert np.array_equal(same.z, optimum.z) and np.array_equal(same.jacobian, optimum.jacobian)
+        numbers = {name: np.asarray(value) for name, value in beginning(optimum, [fitted], draws).items()}
+        same, errors, given = begun(numbers, [before])
+        assert given == draws
+        assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
+        assert np.array_equal(errors[0].scale, fitted.scale)
+        assert np.array_equal(errors[0].amplitudes, fitted.amplitudes)

@@ -25,7 +25,6 @@ gallery
 HOMES = {
     "colour": {"eclipsejax/response.py"},
     "skimage": {f"inverse/{name}.py" for name in ("disc_search", "limb_fit", "orientation", "registration")},
-    "optimistix": {"inverse/map_estimate.py"},
     "emcee": {"inverse/ensemble.py"},
     "dask": {"inverse/archive.py"},
 }

@@ -1,5 +1,8 @@
 """What the likelihood takes for the shadow and for a photograph."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +14,12 @@ from eclipsejax.ephemeris import geometry
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
 from inverse import prior
-from inverse.likelihood import COLOUR_MATRIX, developed, shadow_light, shadow_of
+from inverse.evidence import gather, prepare
+from inverse.likelihood import LIMB, places
+from inverse.limb_light import shadow_light, shadow_of
+from inverse.map_estimate import quadratic
+from inverse.photo_model import COLOUR_MATRIX, developed
+from tests import synthetic
 
 
 @pytest.mark.parametrize(
@@ -21,7 +29,7 @@ def test_table_of_one_distance_serves_the_depth_of_the_moon(utc, rms, largest):
     # In totality, and with the umbra's edge on the Moon; the nearest point, and the limb.
     where = geometry(utc)
     shadow, limb = shadow_of([where]), jnp.zeros(len(prior.ATMOSPHERE))
-    table = shadow_light(shadow, limb)
+    table = eqx.filter_jit(lambda tabulator: tabulator(prior.atmosphere(limb)))(shadow.tabulator)
     operator = eqx.filter_jit(shadow_operator)
     exact = eqx.filter_jit(lambda operator: operator(prior.atmosphere(limb))[0])
     grid, weights = shadow.tabulator.grid, shadow.tabulator.weights
@@ -43,17 +51,87 @@ def nuisances(**given):
     return {name: jnp.asarray(given.get(name.replace(".", "_"), v)) for name, v in value.items()}
 
 
+def camera(tone_curve, gain=0.0, width=0.0):
+    return SimpleNamespace(tone_curve=tone_curve, gain=gain, exposure_width=width, primaries=jnp.eye(3))
+
+
 def test_a_linear_photograph_is_light_times_gain():
     light = jnp.asarray([[0.1, 0.2, 0.3]])
-    out = developed(light, nuisances(gain=np.log(2.0), white_balance_red=0.0), 0.5, jnp.eye(3), "linear")
-    assert np.asarray(out) == pytest.approx(2 * np.exp(0.5) * np.asarray(light))
+    out = developed(camera("linear", 0.5, 0.2), light, nuisances(gain=np.log(2.0), exposure=-1.5))
+    assert np.asarray(out) == pytest.approx(2 * np.exp(0.5 - 0.3) * np.asarray(light))
 
 
 def test_white_stays_white_and_deep_red_stays_positive():
-    neutral = nuisances(tone_exponent=1.0, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=1.0)
-    white = np.asarray(developed(jnp.full((1, 3), 0.4), neutral, 0.0, jnp.eye(3), "srgb"))[0]
+    neutral = nuisances(tone_exponent=1.0, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=1.0, matrix_red_green=0.1)
+    white = np.asarray(developed(camera("srgb"), jnp.full((1, 3), 0.4), neutral))[0]
     assert white == pytest.approx(np.full(3, 0.4), rel=2e-3)
     assert COLOUR_MATRIX.sum(axis=1) == pytest.approx(1.0, abs=1e-3)
-    red = lambda x: developed(jnp.asarray([[x, 0.01, 0.001]]), neutral, 0.0, jnp.eye(3), "srgb")
+    red = lambda x: developed(camera("srgb"), jnp.asarray([[x, 0.01, 0.001]]), neutral)
     assert np.all(np.asarray(red(0.5)) > 0)
     assert np.all(np.isfinite(np.asarray(jax.jacfwd(red)(0.5))))
+
+
+def test_light_below_black_is_dark_but_has_a_slope():
+    black = nuisances(tone_black=0.01, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=0.0)
+    grey = lambda x: developed(camera("srgb"), x * jnp.ones((1, 3)), black)[0, 0]
+    assert 0.0 < grey(0.004) < 1e-4
+    assert grey(0.2) == pytest.approx(0.19, rel=1e-3)
+    assert jax.grad(grey)(0.004) > 0.0
+
+
+def test_what_photographs_share_has_one_place():
+    models = [SimpleNamespace(parameters=prior.PHOTOGRAPH), SimpleNamespace(parameters=prior.PHOTOGRAPH)]
+    names = [parameter.name for parameter in prior.PHOTOGRAPH]
+    alone, together = {}, {"gain": "camera", "clock": "camera"}
+    apart = places([alone, alone], models)
+    assert not set(apart[0]) & set(apart[1]) and apart[0][0] == LIMB
+    first, second = places([together, together], models)
+    assert {names[i] for i in range(len(names)) if first[i] == second[i]} == {"gain", "clock"}
+    assert sorted({*first, *second}) == list(range(LIMB, LIMB + 2 * len(names) - 2))
+
+
+def test_scattered_light_fills_the_dark_and_no_more():
+    where = geometry("2022-05-16T04:06:00Z")
+    shadow = shadow_of([where])
+    limb = jnp.zeros(LIMB)
+    amplitude = [parameter.name for parameter in prior.ATMOSPHERE].index("scattered.amplitude")
+    none = np.exp(shadow_light(shadow, limb.at[amplitude].set(-60.0)).log_light)
+    some = np.exp(shadow_light(shadow, limb).log_light) - none
+    assert np.all((some > 1e-7) & (some < 6e-7))
+    more = np.exp(shadow_light(shadow, limb.at[amplitude].set(1.0)).log_light) - none
+    np.testing.assert_allclose(more, np.exp(0.4) * some, rtol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def synthetic_likelihood(tmp_path_factory):
+    """One synthetic photograph, no fit."""
+    path = synthetic.photograph(tmp_path_factory.mktemp("likelihood") / "eclipse.jpg", synthetic.limb())
+    evidence = gather([path], time=synthetic.UTC, site=synthetic.SITE, disc=None, progress=lambda *_: None)
+    return prepare(evidence)
+
+
+def test_slopes_agree_with_differences(synthetic_likelihood):
+    random = np.random.default_rng(7)
+    z = 0.3 * random.standard_normal(len(synthetic_likelihood.parameters))
+    slopes = synthetic_likelihood.misfits_and_slopes(z)[0][1]
+    here = quadratic(synthetic_likelihood, z)
+    for direction in random.standard_normal((4, z.size)):
+        step = 1e-3 * direction / np.linalg.norm(direction)
+        high, low = (synthetic_likelihood.misfits(z + sign * step)[0] for sign in (1.0, -1.0))
+        np.testing.assert_allclose((high - low) / 2, slopes @ step, atol=2e-3 * np.abs(slopes @ step).max())
+        rise = quadratic(synthetic_likelihood, z + step).cost - quadratic(synthetic_likelihood, z - step).cost
+        assert rise == pytest.approx(4 * here.gradient @ step, rel=1e-3)
+
+
+def test_the_same_photograph_twice_is_twice_the_evidence(synthetic_likelihood):
+    """Two photographs of one camera: what they share moves both."""
+    one = synthetic_likelihood
+    everything = {parameter.name: 0 for parameter in one.models[0].parameters}
+    models = one.models * 2
+    two = replace(one, models=models, data=one.data * 2, usable=one.usable * 2, errors=one.errors * 2,
+                  places=places([everything, everything], models))  # fmt: skip
+    z = 0.1 * np.random.default_rng(8).standard_normal(len(one.parameters))
+    single, double = quadratic(one, z), quadratic(two, z)
+    assert double.cost - z @ z == pytest.approx(2 * (single.cost - z @ z))
+    np.testing.assert_allclose(double.information - np.eye(z.size), 2 * (single.information - np.eye(z.size)))
+    assert all(label.startswith("1-2.") for label in two.labels[LIMB:])

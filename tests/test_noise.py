@@ -11,7 +11,7 @@ def test_whitened_residuals_have_the_mahalanobis_norm():
     sigma, low_rank = random.uniform(0.5, 2.0, 40), random.standard_normal((40, 6))
     residual = random.standard_normal(40)
     covariance = np.diag(sigma**2) + low_rank @ low_rank.T
-    whitened = np.asarray(noise.whitener(sigma, low_rank)(residual))
+    whitened = noise.whitener(sigma, low_rank)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-10)
 
 
@@ -21,25 +21,46 @@ def test_a_repeated_column_does_no_harm():
     twice = np.concatenate([column, column, np.zeros((20, 1))], axis=1)
     residual = random.standard_normal(20)
     covariance = np.eye(20) + twice @ twice.T
-    whitened = np.asarray(noise.whitener(sigma, twice)(residual))
+    whitened = noise.whitener(sigma, twice)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-8)
 
 
-def test_smooth_modes_rebuild_the_squared_exponential():
-    line = np.linspace(-1, 1, 15)
+def disc(count=14):
+    line = np.linspace(-0.9, 0.9, count)
     position = np.stack([axis.ravel() for axis in np.meshgrid(line, line)], axis=1)
-    modes = noise.smooth_modes(position, length=0.5, variance=0.9999)
-    apart = np.sum((position[:, None] - position[None]) ** 2, axis=-1)
-    assert modes.shape[1] < 80
-    assert np.abs(modes @ modes.T - np.exp(-0.5 * apart / 0.25)).max() < 0.03
+    position = position[np.hypot(*position.T) < 0.95]
+    return position, np.hypot(position[:, 0] + 1.2, position[:, 1]) * 4.6e-3
 
 
-def test_smooth_errors_have_the_stated_size_and_leave_the_sky_alone():
-    position = np.random.default_rng(2).uniform(-0.7, 0.7, (60, 2))
-    on_disc = np.arange(60) < 50
-    errors = noise.smooth_errors(noise.smooth_modes(position[on_disc]), on_disc).reshape(60, 3, -1)
-    covariance = np.einsum("icr,jdr->icjd", errors, errors)
-    red, both = covariance[10, 0, 10, 0], covariance[10, 0, 10, 1]
-    assert both == pytest.approx(noise.COMMON**2, rel=0.05)
-    assert red == pytest.approx(noise.COMMON**2 + noise.CHROMATIC**2, rel=0.05)
-    assert np.all(errors[50:] == 0)
+def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
+    position, offset = disc()
+    modes = noise.smooth_modes(position, offset)
+    assert modes.shape == (len(position), noise.MODES)
+    assert np.abs(modes.mean(axis=0)).max() < 1e-8
+    apart = np.linalg.norm(position[:, None] - position, axis=-1)
+    wanted = 0.5 * np.exp(-apart / noise.LENGTH) + 0.5 * np.exp(-np.abs(offset[:, None] - offset) / noise.RADIAL)
+    wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
+    left = wanted - modes @ modes.T
+    assert np.trace(left) < 0.2 * np.trace(wanted)
+    assert np.linalg.eigvalsh(left).min() > -1e-9
+
+
+def test_errors_have_the_stated_size_and_leave_the_sky_alone():
+    position, offset = disc()
+    on_disc = np.concatenate([np.full(len(position), True), np.full(20, False)])
+    sigma = np.full((on_disc.size, 3), 0.05)
+    modes = noise.smooth_modes(position, offset)
+    errors = noise.errors_of(sigma, modes, on_disc, np.ones((on_disc.size, 3)))
+    smooth = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
+    assert not smooth[~on_disc].any()
+    red, both = np.sum(smooth[:, 0] ** 2, axis=1), np.sum(smooth[:, 0] * smooth[:, 1], axis=1)
+    variance = np.sum(modes**2, axis=1)
+    np.testing.assert_allclose(both[on_disc], noise.COMMON**2 * variance)
+    np.testing.assert_allclose(red[on_disc], (noise.COMMON**2 + noise.CHROMATIC**2) * variance)
+    residual = np.random.default_rng(1).standard_normal(3 * on_disc.size)
+    covariance = np.diag(errors.scale**2) + smooth.reshape(residual.size, -1) @ smooth.reshape(residual.size, -1).T
+    expected = residual @ np.linalg.solve(covariance, residual)
+    assert np.sum(errors.whitener(residual) ** 2) == pytest.approx(expected, rel=1e-9)
+    alone = errors.without_smooth()
+    np.testing.assert_allclose(alone.scale**2, np.diag(covariance))
+    np.testing.assert_allclose(alone.whitener(residual), residual / alone.scale, rtol=1e-6)

@@ -1,0 +1,119 @@
+"""The shadow's light in the camera's channels, as a function of the limb."""
+
+from functools import cache
+from importlib.resources import files
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from eclipsejax.ephemeris import Geometry
+from eclipsejax.moon import Moon
+from eclipsejax.render import disc_offsets
+from eclipsejax.response import responses
+from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator, umbra_edge
+from eclipsejax.sun import Sun
+from inverse import prior
+
+OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
+TOLERANCE = 1e-2  # of the shadow's light
+BINS = np.array([380.0, 440.0, 480.0, 520.0, 560.0, 600.0, 640.0, 680.0, 780.0])  # nm
+
+
+class Shadow(eqx.Module):
+    """The table of the shadow as a function of the parameters z of the limb."""
+
+    tabulator: Tabulator
+    scattered: Float[Array, "level channel"]
+    """Log of the light scattered into the umbra, for the dust of `scattered_light`."""
+
+    def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
+        return self.table(log_light(limb, self))
+
+    def table(self, log_light: Float[Array, "offset 2 channel"]) -> ShadowTable:
+        """The table with these entries."""
+        return ShadowTable(self.tabulator.grid, log_light)
+
+
+def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, "offset 2 channel"]:
+    """Log of the light in the camera's channels at the table's entries, for parameters z of the limb."""
+    value = prior.values(prior.ATMOSPHERE, limb)
+    levels = _dust_scale(scattered_light()[0])
+    weights = _lagrange(jnp.clip(_dust_scale(value["dust.extinction"]), levels[0], levels[-1]), levels)
+    scattered = weights @ shadow.scattered + jnp.log(value["scattered.amplitude"])
+    return jnp.logaddexp(shadow.tabulator(prior.atmosphere(limb)).log_light, scattered)
+
+
+@cache
+def scattered_light() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dust [1/m] (level,), wavelength [nm] and light scattered into the umbra, of sunlight (level, wavelength).
+
+    From `eclipsejax/tables/make_scattered_light.py`; to 3 % from the axis to 40'.
+    """
+    text = (files("eclipsejax") / "tables" / "scattered_light.csv").read_text().splitlines()
+    rows = [line.split(",") for line in text if not line.startswith("#")]
+    values = np.array([[float(number) for number in row] for row in rows[1:]])
+    return values[:, 0], np.array([float(name) for name in rows[0][1:]]), values[:, 1:]
+
+
+def _dust_scale(extinction):
+    return jnp.log(extinction + 3e-7)
+
+
+def _lagrange(x, nodes) -> Float[Array, " node"]:
+    """Weights of a polynomial through values at nodes."""
+    others = [jnp.delete(nodes, index) for index in range(len(nodes))]
+    return jnp.stack([jnp.prod((x - o) / (node - o)) for node, o in zip(nodes, others, strict=True)])
+
+
+@eqx.filter_jit
+def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTable:
+    """The table of the shadow, compiled by itself."""
+    return shadow(limb)
+
+
+@eqx.filter_jit
+def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
+    """Entries of the table (offset, 2, channel) and their derivatives (parameter, offset, 2, channel).
+
+    One derivative after the other: side by side they leave the processor's cache.
+    """
+    light, along = jax.linearize(lambda limb: log_light(limb, shadow), limb)
+    return light, jax.lax.map(along, jnp.eye(limb.size))
+
+
+def camera_weights(sun: Sun, moon: Moon):
+    """Wavelengths [nm] and weights (wavelength, 3) of the camera's channels, balanced to the uneclipsed Moon."""
+    fine = np.arange(380.5, 780.0)
+    light = np.asarray(sun.irradiance(jnp.asarray(fine)) * moon.spectrum(jnp.asarray(fine)))
+    spectral = light[:, None] * responses("nikon_5100", fine)
+    member = (np.digitize(fine, BINS) - 1)[None, :] == np.arange(BINS.size - 1)[:, None]
+    weights = member @ spectral
+    wavelength = (member @ (spectral.sum(axis=1) * fine)) / weights.sum(axis=1)
+    return jnp.asarray(wavelength), jnp.asarray(weights / weights.sum(axis=0))
+
+
+def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
+    """The shadow over the discs of all photographs of one eclipse.
+
+    - `clock_reach`: the discs are followed this long before and after their times [s].
+    """
+    sun, moon = Sun(), Moon()
+    wavelength, weights = camera_weights(sun, moon)
+    ends_at = eqx.filter_jit(lambda where, dt: disc_offsets(where.after(dt)))
+    ends = np.array(
+        [ends_at(where, jnp.asarray(dt)) for where in geometries for dt in (-clock_reach, 0.0, clock_reach)]
+    )
+    moon_distance = jnp.mean(jnp.stack([jnp.linalg.norm(where.moon) for where in geometries]))
+    sun_distance = jnp.linalg.norm(geometries[0].sun)
+    edge = float(umbra_edge(moon_distance, sun_distance, sun.radius))
+    count = OFFSETS if ends.max() < edge else EDGE_OFFSETS
+    prepared = eqx.filter_jit(tabulator)(
+        sun, moon_distance, sun_distance, jnp.asarray([ends.min(), ends.max()]), wavelength, weights,
+        tolerance=TOLERANCE, count=count, deep=False,
+    )  # fmt: skip
+    _, known, light = scattered_light()
+    at_bins = np.array([np.interp(np.asarray(wavelength), known, np.log(level)) for level in light])
+    return Shadow(prepared, jnp.log(jnp.exp(at_bins) @ weights))

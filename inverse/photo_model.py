@@ -1,0 +1,231 @@
+"""From the light of the shadow to the numbers of a photograph: surface, optics, colours, tone."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from eclipsejax.camera import Camera, Exposure, ToneCurve, tone_curve
+from eclipsejax.constants import MOON_RADIUS
+from eclipsejax.ephemeris import Geometry
+from eclipsejax.moon import Moon, lunar_map
+from eclipsejax.render import surface_reflectance
+from eclipsejax.scene import axis_offset, disc_points
+from eclipsejax.shadow_table import ShadowTable
+from inverse import prior
+from inverse.cells import Cells
+
+# Nikon D5100 (NPL) to linear sRGB, rows sum to 1: least squares over the ISO 17321-1 chart in daylight, rms 0.010.
+# A stand-in for the matrix of whatever camera it was; `tone.saturation` says how much of it was applied.
+COLOUR_MATRIX = np.array([[1.7398, -0.6525, -0.0873], [-0.1553, 1.6422, -0.4869], [0.0592, -0.5461, 1.4870]])
+GLARE_SCALE = 0.15  # of the disc's radius: core of the wings (1 + r^2/a^2)^-1.5
+GLARE_POINTS_PER_RADIUS = 8
+BLACK_CORNER = 6e-4  # full scale: two codes of 8 bits
+FREE_EXPOSURE = 3.0  # ln: width of the prior of an exposure of which nothing is known
+
+
+class Surface(eqx.Module):
+    """Points of the Moon that a photograph shows."""
+
+    offset: Float[Array, " point"]
+    """From the shadow's axis [rad]."""
+    distance: Float[Array, " point"]
+    """From the Earth's centre [m]."""
+    brightness: Float[Array, " point"]
+    """In full sunlight, mean of the disc 1."""
+
+    def light(self, table: ShadowTable) -> Float[Array, "point 3"]:
+        """Light in the camera's channels, the uneclipsed disc 1."""
+        return table(self.offset, self.distance) * self.brightness[:, None]
+
+
+class Disc(eqx.Module):
+    """Points of a photograph that look at the Moon, in radii from the registered centre, before any correction."""
+
+    right: Float[Array, " point"]
+    up: Float[Array, " point"]
+
+    def surface(self, later: Geometry, roll, mirror: bool, moon: Moon, nuisance) -> Surface:
+        """What lies behind them, with the corrections of `nuisance` to the pointing."""
+        scale = MOON_RADIUS / jnp.linalg.norm(later.moon - later.observer)  # tangent of the radius to 1e-5
+        roll = roll + nuisance["pointing.roll"]
+        right, up = self.right - nuisance["pointing.right"], self.up - nuisance["pointing.up"]
+        left = right if mirror else -right
+        sine, cosine = jnp.sin(roll), jnp.cos(roll)
+        east, north = scale * (up * sine + left * cosine), scale * (up * cosine - left * sine)
+        points = disc_points(later, east, north)
+        moon = eqx.tree_at(lambda moon: moon.contrast, moon, nuisance["albedo.contrast"])
+        distance = jnp.linalg.norm(points.position, axis=-1)
+        return Surface(axis_offset(later, points.position), distance, surface_reflectance(moon, points))
+
+
+class PhotoModel(eqx.Module):
+    """Everything that turns the table of the shadow and the nuisances into the cells of one photograph.
+
+    In two stages, so that the first is left out where geometry stands still: `seen`, the points of the Moon; `signal`.
+    """
+
+    geometry: Geometry
+    roll: Float[Array, ""]
+    moon: Moon
+    cells: Disc
+    glare_points: Disc
+    wings: Float[Array, "cell point"]
+    on_disc: Float[Array, " cell"]
+    primaries: Float[Array, "3 3"]
+    gain: Float[Array, ""]
+    """Centre of the prior of the log exposure."""
+    exposure_width: Float[Array, ""]
+    """Width of the prior of this photograph's own log exposure."""
+    floor: Float[Array, ""]
+    mirror: bool = eqx.field(static=True)
+    tone_curve: str = eqx.field(static=True)
+
+    @property
+    def parameters(self) -> tuple[prior.Parameter, ...]:
+        """The nuisances of this photograph."""
+        return prior.photograph_parameters(self.tone_curve)
+
+    def seen(self, z: Float[Array, " parameter"]) -> tuple[Surface, Surface]:
+        """The Moon behind the cells, and around them for the glare."""
+        nuisance = prior.values(self.parameters, z)
+        later = self.geometry.after(nuisance["clock"])
+        cells, around = (
+            disc.surface(later, self.roll, self.mirror, self.moon, nuisance) for disc in (self.cells, self.glare_points)
+        )
+        return cells, around
+
+    def signal(self, table: ShadowTable, seen, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
+        """Decoded pixel values of the cells [full scale]."""
+        nuisance = prior.values(self.parameters, z)
+        cells, around = seen
+        light, around = cells.light(table) * self.on_disc[:, None], around.light(table)
+        light = (1.0 - nuisance["camera.glare"]) * light + nuisance["camera.glare"] * (self.wings @ around)
+        return developed(self, with_veil(light, around, nuisance), nuisance)
+
+    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
+        """Log of the cells' values above the floor: what the likelihood compares."""
+        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
+
+
+class ProfileModel(eqx.Module):
+    """As `PhotoModel`, for a profile of brightness against offset: no pointing, no pixels."""
+
+    offset: Float[Array, " bin"]
+    distance: Float[Array, ""]
+    albedo: Float[Array, " bin"]
+    primaries: Float[Array, "3 3"]
+    gain: Float[Array, ""]
+    exposure_width: Float[Array, ""]
+    floor: Float[Array, ""]
+    tone_curve: str = eqx.field(static=True)
+
+    @property
+    def parameters(self) -> tuple[prior.Parameter, ...]:
+        """The nuisances of this profile."""
+        return prior.profile_parameters(self.tone_curve)
+
+    def seen(self, z: Float[Array, " parameter"]) -> Surface:
+        """The Moon in the bins."""
+        offset = jnp.abs(self.offset + prior.values(self.parameters, z)["pointing.offset"])
+        return Surface(offset, jnp.full(offset.shape, self.distance), self.albedo)
+
+    def signal(self, table: ShadowTable, seen: Surface, z: Float[Array, " parameter"]) -> Float[Array, "bin 3"]:
+        """Decoded pixel values [full scale]."""
+        nuisance = prior.values(self.parameters, z)
+        light = seen.light(table)
+        return developed(self, with_veil(light, light, nuisance), nuisance)
+
+    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "bin 3"]:
+        """Log of the values above the floor."""
+        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
+
+
+def with_veil(light, around, nuisance):
+    """Light (point, 3) with the glow of the sky, in units of the geometric mean over the disc."""
+    return light + nuisance["camera.veil"] * jnp.exp(jnp.mean(jnp.log(jnp.mean(around, axis=1) + 1e-12)))
+
+
+def developed(model, light, nuisance):
+    """Light (point, 3) in the camera's channels after exposure, white balance, colour matrix and picture style.
+
+    - `model`: its gain, width of the exposure, primaries and kind of tone curve.
+    """
+    red, blue = (nuisance[f"white_balance.{name}"] + nuisance[f"tint.{name}"] for name in ("red", "blue"))
+    balance = jnp.stack([red, jnp.zeros_like(red), blue])
+    exposure = model.gain + nuisance["gain"] + model.exposure_width * nuisance["exposure"]
+    exposed = light * jnp.exp(exposure + balance)
+    if model.tone_curve == "linear":
+        return exposed
+    mixed = exposed @ (model.primaries @ colour_matrix(nuisance)).T
+    # Deep red turns green and blue negative; cameras clip there, we round the corner a little above zero.
+    corner = 0.02 * jnp.mean(exposed, axis=-1, keepdims=True)
+    positive = 0.5 * (mixed + jnp.sqrt(mixed**2 + corner**2))
+    # Nor does its black begin at a corner: below one the light would have no slope.
+    lit = positive - nuisance["tone.black"]
+    positive = 0.5 * (lit + jnp.sqrt(lit**2 + BLACK_CORNER**2))
+    style = ToneCurve(**{name: nuisance[f"tone.{name}"] for name in ("exponent", "toe", "shoulder")})
+    return tone_curve(positive, Camera(exposure=Exposure(), tone=style))
+
+
+def colour_matrix(nuisance) -> Float[Array, "3 3"]:
+    """From the camera's channels to linear sRGB; rows sum to 1, so that white stays white."""
+    identity, zero = jnp.eye(3), jnp.zeros(())
+    red_green, red_blue, green_red, green_blue, blue_red, blue_green = (
+        nuisance[f"matrix.{name}"]
+        for name in ("red_green", "red_blue", "green_red", "green_blue", "blue_red", "blue_green")
+    )
+    own = jnp.array([[zero, red_green, red_blue], [green_red, zero, green_blue], [blue_red, blue_green, zero]])
+    own = own - jnp.diag(own.sum(axis=1))
+    return identity + nuisance["tone.saturation"] * (jnp.asarray(COLOUR_MATRIX) - identity) + own
+
+
+def photo_model(photo, registration, where: Geometry, cells: Cells, floor: float) -> PhotoModel:
+    """Put a registered photograph's model together."""
+    spacing = 1.0 / GLARE_POINTS_PER_RADIUS
+    line = np.arange(-GLARE_POINTS_PER_RADIUS, GLARE_POINTS_PER_RADIUS) * spacing + 0.5 * spacing
+    right, up = (axis.ravel() for axis in np.meshgrid(line, line))
+    inside = np.hypot(right, up) < 0.97
+    right, up = right[inside], up[inside]
+    return PhotoModel(
+        geometry=where,
+        roll=jnp.asarray(registration.roll),
+        moon=Moon(albedo_map=lunar_map(256)),
+        cells=Disc(jnp.asarray(cells.right), jnp.asarray(cells.up)),
+        glare_points=Disc(jnp.asarray(right), jnp.asarray(up)),
+        wings=jnp.asarray(wings_at(cells.right, cells.up, right, up)),
+        on_disc=jnp.asarray(cells.on_disc, dtype=float),
+        primaries=jnp.asarray(photo.primaries),
+        gain=jnp.asarray(0.0),
+        exposure_width=jnp.asarray(FREE_EXPOSURE),
+        floor=jnp.asarray(floor),
+        mirror=registration.mirror,
+        tone_curve=photo.tone_curve,
+    )
+
+
+def profile_model(profile, where: Geometry, floor: float) -> ProfileModel:
+    """The model of a measured profile."""
+    return ProfileModel(
+        offset=jnp.asarray(profile.offset),
+        distance=jnp.linalg.norm(where.moon) - 0.6 * MOON_RADIUS,
+        albedo=jnp.asarray(profile.surface),
+        primaries=jnp.eye(3),
+        gain=jnp.asarray(0.0),
+        exposure_width=jnp.asarray(FREE_EXPOSURE),
+        floor=jnp.asarray(floor),
+        tone_curve=profile.tone_curve,
+    )
+
+
+def wings_at(right, up, point_right, point_up) -> np.ndarray:
+    """Share of the light of each glare point that falls on each cell (cell, point), positions in radii."""
+    apart = (right[:, None] - point_right) ** 2 + (up[:, None] - point_up) ** 2
+    density = (1.0 + apart / GLARE_SCALE**2) ** -1.5 / (2 * np.pi * GLARE_SCALE**2)
+    return density / GLARE_POINTS_PER_RADIUS**2
+
+
+@eqx.filter_jit
+def signal(model, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
+    """Decoded pixel values of one photograph's cells [full scale], compiled by itself."""
+    return model.signal(table, model.seen(z), z)

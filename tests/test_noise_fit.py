@@ -1,0 +1,63 @@
+"""A photograph tells how large its errors are, and which of its cells are no Moon."""
+
+import numpy as np
+import pytest
+
+from inverse import noise
+from inverse.noise_fit import fitted_errors
+from tests.test_noise import disc
+
+
+@pytest.fixture(scope="module")
+def before():
+    position, offset = disc(30)
+    on_disc = np.full(len(position), True)
+    sigma = np.full((len(position), 3), 0.05)
+    errors = noise.errors_of(sigma, noise.smooth_modes(position, offset), on_disc, np.ones(sigma.shape))
+    apart = np.linalg.norm(position[:, None] - position, axis=-1)
+    return errors, np.argsort(apart, axis=1)[:, :9]
+
+
+def drawn(errors, random):
+    smooth = errors.modes * errors.amplitudes
+    return errors.scale * random.standard_normal(errors.sigma.size) + smooth @ random.standard_normal(smooth.shape[1])
+
+
+def fitted(before, misfit, slopes=None):
+    errors, neighbours = before
+    slopes = np.zeros((misfit.size, 1)) if slopes is None else slopes
+    return fitted_errors(errors, misfit, slopes, np.ones(misfit.size), neighbours)
+
+
+@pytest.mark.parametrize(("independent", "smooth", "chromatic"), [(0.6, 0.2, 0.05), (2.0, 0.06, 0.03)])
+def test_amplitudes_are_found(before, independent, smooth, chromatic):
+    from dataclasses import replace
+
+    truth = replace(before[0], independent=independent, smooth=smooth, chromatic=chromatic)
+    found = [fitted(before, drawn(truth, np.random.default_rng(seed))) for seed in range(3)]
+    assert np.mean([one.independent for one in found]) == pytest.approx(independent, rel=0.1)
+    assert np.mean([one.smooth for one in found]) == pytest.approx(smooth, rel=0.25)
+    assert np.mean([one.chromatic for one in found]) == pytest.approx(chromatic, rel=0.25)
+
+
+def test_what_the_model_took_away_is_not_taken_for_a_small_error(before):
+    """Forty free directions hide a part of the errors from the misfit; the evidence knows how many there were."""
+    random = np.random.default_rng(3)
+    errors = before[0]
+    misfit, slopes = drawn(errors, random), 30.0 * errors.modes[:, :40] / errors.modes[:, :40].std(axis=0)
+    white, by = errors.whitener(misfit), errors.whitener(slopes)
+    best = np.linalg.lstsq(by, white, rcond=None)[0]
+    left = fitted(before, misfit - slopes @ best, slopes)
+    naive = fitted(before, misfit - slopes @ best)
+    assert naive.smooth < 0.9 * left.smooth
+    assert left.smooth == pytest.approx(noise.COMMON, rel=0.35)
+
+
+def test_a_star_loses_its_weight_and_nothing_else_does(before):
+    misfit = drawn(before[0], np.random.default_rng(4))
+    misfit[300] += 1.0  # twenty times the error
+    found = fitted(before, misfit)
+    outlying = np.asarray(found.outlying)
+    assert outlying[300] > 30.0
+    assert np.median(outlying) == pytest.approx(1.0, abs=0.2)
+    assert found.independent == pytest.approx(1.0, rel=0.15)

@@ -100,13 +100,7 @@ class ShadowTable(eqx.Module):
         position, fraction, _ = places
         first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, self.grid.count - 4)
         x = position - first - 1.0
-        # Cubic Lagrange through four neighbours at -1, 0, 1, 2.
-        weights = (
-            -x * (x - 1.0) * (x - 2.0) / 6.0,
-            (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
-            -(x + 1.0) * x * (x - 2.0) / 2.0,
-            (x + 1.0) * x * (x - 1.0) / 6.0,
-        )
+        weights = cubic_weights(x)
 
         def along(entries):
             """Between four neighbours: cubic, but straight beside total darkness, where a cubic would jut out."""
@@ -120,6 +114,16 @@ class ShadowTable(eqx.Module):
 
         # One entry after the other, not in blocks: the compiler then makes one loop over the pixels, without copies.
         return jnp.stack([channel(self.log_light[..., i]) for i in range(self.log_light.shape[-1])], axis=-1)
+
+
+def cubic_weights(x: Float[Array, "..."]) -> tuple[Float[Array, "..."], ...]:
+    """Lagrange's weights at x of four neighbours at -1, 0, 1, 2."""
+    return (
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
+    )
 
 
 def umbra_edge(distance, sun_distance, sun_radius):

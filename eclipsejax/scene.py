@@ -14,7 +14,7 @@ from eclipsejax.moon import Moon
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.sky import Sky
 from eclipsejax.sun import Sun
-from eclipsejax.sunlight import sky_angle
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import safe_sqrt
 
 
@@ -179,9 +179,8 @@ class Scene(eqx.Module):
 def touches_umbra(where: Geometry, sun: Sun) -> bool:
     """Whether any of the Moon is in the umbra of a ball, or within 1' of it."""
     distance, sun_distance = jnp.linalg.norm(where.moon) - MOON_RADIUS, jnp.linalg.norm(where.sun)
-    edge = sky_angle(EARTH_RADIUS, distance, sun_distance) - jnp.arcsin(sun.radius / sun_distance)
     nearest = axis_offset(where, where.moon) - jnp.arcsin(MOON_RADIUS / distance)
-    return bool(nearest < edge + np.radians(1.0 / 60.0))
+    return bool(nearest < umbra_edge(distance, sun_distance, sun.radius) + np.radians(1.0 / 60.0))
 
 
 def check_eclipsed(where: Geometry) -> None:

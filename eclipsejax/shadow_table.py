@@ -17,12 +17,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import is_lopsided
 from eclipsejax.scattered import ring_light
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import real
 
 SPACING, STEEPEST, WIDTH = 8.3e-4, -6e-4, 1e-4  # rad; the least errors of 128 to 384 entries among 12 trials
@@ -123,15 +124,6 @@ def cubic_weights(x: Float[Array, "..."]) -> tuple[Float[Array, "..."], ...]:
         (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
         -(x + 1.0) * x * (x - 2.0) / 2.0,
         (x + 1.0) * x * (x - 1.0) / 6.0,
-    )
-
-
-def umbra_edge(distance, sun_distance, sun_radius):
-    """Angle from the axis at which a solid Earth just covers the Sun [rad]."""
-    return (
-        jnp.arcsin(EARTH_RADIUS / distance)
-        + jnp.arcsin(EARTH_RADIUS / sun_distance)
-        - jnp.arcsin(sun_radius / sun_distance)
     )
 
 

@@ -13,8 +13,9 @@ from eclipsejax.moon import Moon, lunar_map
 from eclipsejax.render import disc_offsets, surface_reflectance
 from eclipsejax.response import responses
 from eclipsejax.scene import axis_offset, disc_points
-from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator, umbra_edge
+from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from inverse import prior
 from inverse.cells import Cells
 from inverse.noise import Whitener

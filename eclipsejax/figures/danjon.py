@@ -4,8 +4,9 @@ import numpy as np
 
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.figures.page import Plate, row, styled
-from eclipsejax.figures.picture import airless, magnitudes_lost, moment, pictures, ready_gain, scene, shown
+from eclipsejax.figures.picture import airless, magnitudes_lost, moment, pictures, scene, shown
 from eclipsejax.figures.worlds import SITE, TOTAL
+from eclipsejax.response import bright_gain
 
 FULL_MOON = -12.74  # mag, at mean distance
 # Extinction of the dust [1/m] and its top [m] that give L = 3, 2, 1, 0 to 0.1 in this eclipse; L = 4 is clear air.
@@ -33,11 +34,11 @@ def danjon_plate(size: int = 320) -> Plate:
     plate = Plate("Danjon's scale", 12.5, 6.0)
     images = pictures(scene(TOTAL, SITE, size=size, sky=airless()), strip())
     magnitudes = [FULL_MOON + magnitudes_lost(image) for image in images]
-    gain = ready_gain(images[0])
+    gain = bright_gain(images[0])
     titles = [f"L = {luminosity(m):.1f}   ({m:+.1f} mag)" for m in magnitudes]
     alike = [(shown(image, gain), title, "") for image, title in zip(images, titles, strict=True)]
     row(plate, alike, top=0.945, bottom=0.53, margin=0.008)
-    gains = [ready_gain(image) for image in images]
+    gains = [bright_gain(image) for image in images]
     lines = [f"{words}; brightened {g:,.0f} ×" for words, g in zip(WORDS, gains, strict=True)]
     each = [(shown(image, g), "", line) for image, g, line in zip(images, gains, lines, strict=True)]
     row(plate, each, top=0.485, bottom=0.06, margin=0.008)

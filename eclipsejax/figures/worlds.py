@@ -3,7 +3,8 @@
 from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Dust, Ozone
 from eclipsejax.figures.page import Plate, row, styled
-from eclipsejax.figures.picture import airless, darkness, moment, pictures, ready_gain, scene, shown
+from eclipsejax.figures.picture import airless, darkness, moment, pictures, scene, shown
+from eclipsejax.response import bright_gain
 
 SITE = (42.73, -73.68)  # Troy, upstate New York
 TOTAL, PARTIAL = "2008-02-21T03:26:00Z", "2008-02-21T04:12:44Z"
@@ -36,7 +37,7 @@ def worlds_plate(size: int = 320) -> Plate:
     """
     plate = Plate("Four worlds", 11.0, 6.5)
     total = pictures(scene(TOTAL, SITE, size=size, sky=airless()), worlds().values())
-    gain = ready_gain(total[2])
+    gain = bright_gain(total[2])
     partial = pictures(scene(PARTIAL, SITE, size=size, sky=airless()), worlds().values())
     below = [darkness(image) for image in total]
     row(plate, zip((shown(image, gain) for image in total), worlds(), below, strict=True), top=0.935, bottom=0.52)
@@ -61,11 +62,11 @@ def dust_plate(size: int = 320) -> Plate:
     """
     plate = Plate("Dust in the stratosphere", 8.4, 6.7)
     images = pictures(scene(TOTAL, SITE, size=size, sky=airless()), [dusty(alpha) for alpha in ALPHAS])
-    gain = ready_gain(images[0])
+    gain = bright_gain(images[0])
     titles = ["α = 0" if alpha == 0 else f"α = {alpha:.1e} m$^{{-1}}$" for alpha in ALPHAS]
     upper = [(shown(image, gain), title, darkness(image)) for image, title in zip(images, titles, strict=True)]
     row(plate, upper, top=0.935, bottom=0.525)
-    gains = [ready_gain(image) for image in images]
+    gains = [bright_gain(image) for image in images]
     lower = [(shown(image, g), "", f"brightened {g:,.0f} times") for image, g in zip(images, gains, strict=True)]
     row(plate, lower, top=0.465, bottom=0.055)
     plate.caption = (

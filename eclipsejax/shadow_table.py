@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import is_lopsided
-from eclipsejax.scattered import ring_light
+from eclipsejax.scattered import ring_glow
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
 from eclipsejax.sunlight import umbra_edge
@@ -167,7 +167,7 @@ class Tabulator(eqx.Module):
         if self.scatterers is not None:
             distance = operator.views.distance
             offset = jax.vmap(self.grid.offsets_at)(distance)
-            light += ring_light(
+            light += ring_glow(
                 atmosphere,
                 self.scatterers,
                 offset,

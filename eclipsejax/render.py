@@ -18,7 +18,7 @@ from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
 from eclipsejax.lopsided_table import LopsidedTable, scene_table
 from eclipsejax.response import linear_from_xyz
-from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points, sky_axes
 from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator, tabulator
 from eclipsejax.tolerance import reached
 
@@ -165,11 +165,7 @@ def unflattened(scene: Scene, east, north):
         return east, north
     geometry = scene.geometry
     factor = scene.sky.flattening(moon_altitude(geometry))
-    sight = geometry.moon - geometry.observer
-    to_east = jnp.cross(geometry.pole, sight)
-    to_north = jnp.cross(sight, to_east)
-    up_east = geometry.zenith @ to_east / jnp.linalg.norm(to_east)
-    up_north = geometry.zenith @ to_north / jnp.linalg.norm(to_north)
+    up_east, up_north = (geometry.zenith @ axis for axis in sky_axes(geometry, geometry.moon - geometry.observer))
     length = jnp.sqrt(up_east**2 + up_north**2 + 1e-30)
     up_east, up_north = up_east / length, up_north / length
     lift = (up_east * east + up_north * north) * (1.0 / factor - 1.0)

@@ -9,7 +9,7 @@ from eclipsejax.camera import Camera, Exposure, expose
 from eclipsejax.ephemeris import geometry
 from eclipsejax.render import Renderer, renderer
 from eclipsejax.response import LUMINANCE, display, into_gamut
-from eclipsejax.scene import Scene
+from eclipsejax.scene import Scene, sky_axes
 from eclipsejax.sky import Sky
 
 FIELD = 1.1e-2  # rad, width of a picture: the Moon is 8.9e-3 to 9.9e-3 wide
@@ -47,14 +47,8 @@ def airless() -> Sky:
 def zenith_up(utc: str, site) -> float:
     """Roll of a picture in which the site's horizon is level [rad]."""
     where = geometry(utc, *site)
-    sight = where.moon - where.observer
-    east = jnp.cross(where.pole, sight)
-    north = jnp.cross(sight, east)
-    return float(jnp.arctan2(where.zenith @ _unit(east), where.zenith @ _unit(north)))
-
-
-def _unit(vector):
-    return vector / jnp.linalg.norm(vector)
+    east, north = sky_axes(where, where.moon - where.observer)
+    return float(jnp.arctan2(where.zenith @ east, where.zenith @ north))
 
 
 def pictures(scene: Scene, atmospheres) -> list[np.ndarray]:

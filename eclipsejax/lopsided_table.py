@@ -18,7 +18,7 @@ from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import is_lopsided, limb_axes
 from eclipsejax.limb_table import limb_table, ray_breaks
 from eclipsejax.shadow_operator import ShadowOperator
-from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator
+from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator, cubic_weights
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
 from eclipsejax.sunlight import light_above, whole_sun
@@ -42,17 +42,9 @@ class LopsidedTable(eqx.Module):
         assert places.angle is not None
         turn = jnp.mod(places.angle / (2.0 * jnp.pi), 1.0) * self.angles
         first = jnp.floor(turn)
-        x = turn - first
-        # Cubic Lagrange through four neighbours at -1, 0, 1, 2.
-        weights = (
-            -x * (x - 1.0) * (x - 2.0) / 6.0,
-            (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
-            -(x + 1.0) * x * (x - 2.0) / 2.0,
-            (x + 1.0) * x * (x - 1.0) / 6.0,
-        )
         count = self.table.grid.count
         log = 0.0
-        for k, weight in enumerate(weights):
+        for k, weight in enumerate(cubic_weights(turn - first)):
             row = jnp.mod(first.astype(int) + k - 1, self.angles) * count
             log = log + weight[..., None] * self.table.log_at(places, row)
         return jnp.exp(log)

@@ -12,8 +12,6 @@ STOPS = "1/8000 1/4000 1/2000 1/1000 1/500 1/250 1/125 1/60 1/30 1/15 1/8 1/4 1/
 FASTEST = STOPS.index("1")
 SLOWEST = len(STOPS) - 1 - FASTEST
 HYSTERESIS = 0.7  # stops that the light must be off before the shutter speed is changed
-METERED = 95  # percent of the disc are darker than what is shown at
-BRIGHT = 0.7  # of full scale
 
 
 def eclipse_on(date: str) -> Eclipse:
@@ -41,13 +39,6 @@ def instants(eclipse: Eclipse, count: int, *, umbral: bool = False) -> list[str]
     first, last = (read_clock(eclipse.contacts[name]) for name in ends)
     length = (last.day - first.day) * SECONDS_PER_DAY + last.second - first.second
     return [write_clock(Clock(first.day, first.second + x), 0) for x in np.linspace(0.0, length, count)]
-
-
-def metered_gain(image: Float[np.ndarray, "row column 3"]) -> float:
-    """Gain that shows a relative picture well: its brightest twentieth, seldom a thin crescent, is above `BRIGHT`."""
-    brightest = image.max(axis=-1)
-    lit = brightest[brightest > 0.0]
-    return BRIGHT / float(np.percentile(lit, METERED)) if lit.size else 1.0
 
 
 def smooth_gains(gains: Float[np.ndarray, " frame"], width: float) -> Float[np.ndarray, " frame"]:

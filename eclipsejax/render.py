@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from eclipsejax import wavelengths
-from eclipsejax.camera import sky_plane
+from eclipsejax.camera import Camera, sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
 from eclipsejax.lopsided_table import LopsidedTable, scene_table
 from eclipsejax.response import linear_from_xyz
-from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points
-from eclipsejax.shadow_table import Places, ShadowTable, Tabulator, tabulator
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points, sky_axes
+from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator, tabulator
 from eclipsejax.tolerance import reached
 
 # The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
@@ -57,12 +57,7 @@ class Renderer(eqx.Module):
 
     def __call__(self, atmosphere) -> Float[Array, "... channel"]:
         """The picture in this atmosphere's shadow, as by `render`."""
-        return self.lit(scene_table(self.tabulator, atmosphere))
-
-    def lit(self, shadow: ShadowTable | LopsidedTable) -> Float[Array, "... channel"]:
-        """The picture in a shadow that the renderer's tabulator has made."""
-        light = shadow.at(self.places) * self.reflectance[..., None]
-        return linear_from_xyz(light) if self.response == "srgb" else light
+        return lit(scene_table(self.tabulator, atmosphere), self.places, self.reflectance, self.response)
 
 
 def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array, "row column channel"]:
@@ -78,20 +73,24 @@ def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array,
     band = min(rows, max(1, _BAND // columns))
     prepared = scene_tabulator(scene, tolerance)
     shadow = scene_table(prepared, atmosphere)
+
+    def seen(first, count):
+        samples = sampled(scene, prepared.grid, *pixels(scene.camera, first, count))
+        return lit(shadow, *samples, scene.camera.response)
+
     if band == rows:
-        return _placed(scene, prepared, *_pixels(scene, 0, rows)).lit(shadow)
+        return seen(0, rows)
 
     def add(i, picture):
         first = jnp.minimum(i * band, rows - band)  # the last band overlaps the one before
-        light = _placed(scene, prepared, *_pixels(scene, first, band)).lit(shadow)
-        return jax.lax.dynamic_update_slice(picture, light, (first, 0, 0))
+        return jax.lax.dynamic_update_slice(picture, seen(first, band), (first, 0, 0))
 
     return jax.lax.fori_loop(0, -(-rows // band), add, jnp.zeros((rows, columns, 3)))
 
 
 def renderer(scene: Scene, *, tolerance: float = 1e-3) -> Renderer:
     """Prepare a scene for many atmospheres; the arguments are those of `render`."""
-    return renderer_at(scene, *_pixels(scene, 0, scene.camera.shape[0]), tolerance=tolerance)
+    return renderer_at(scene, *pixels(scene.camera), tolerance=tolerance)
 
 
 def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
@@ -99,7 +98,8 @@ def renderer_at(scene: Scene, east, north, *, tolerance: float) -> Renderer:
 
     - `east`, `north`: angles from the disc's apparent centre, any shape [rad].
     """
-    return _placed(scene, scene_tabulator(scene, tolerance), east, north)
+    prepared = scene_tabulator(scene, tolerance)
+    return Renderer(prepared, *sampled(scene, prepared.grid, east, north), scene.camera.response)
 
 
 def scene_tabulator(scene: Scene, tolerance: float) -> Tabulator:
@@ -120,23 +120,28 @@ def scene_tabulator(scene: Scene, tolerance: float) -> Tabulator:
     )
 
 
-def _pixels(scene, first, rows):
-    """Directions of some rows of pixels."""
-    row, column = jnp.meshgrid(first + jnp.arange(rows), jnp.arange(scene.camera.shape[1]), indexing="ij")
-    return sky_plane(scene.camera, row.astype(float), column.astype(float))
+def pixels(camera: Camera, first=0, count: int | None = None):
+    """Angles of a camera's pixels from the disc's centre, towards east and north [rad].
+
+    - `first`, `count`: of rows; all by default.
+    """
+    rows, columns = camera.shape
+    row, column = jnp.meshgrid(first + jnp.arange(rows if count is None else count), jnp.arange(columns), indexing="ij")
+    return sky_plane(camera, row.astype(float), column.astype(float))
 
 
-def _placed(scene, prepared: Tabulator, east, north) -> Renderer:
-    """The renderer of some directions."""
+def sampled(scene: Scene, grid: TableGrid, east, north) -> tuple[Places, Float[Array, "..."]]:
+    """What directions [rad] show: places in a table of the shadow, and `surface_reflectance`."""
     points = disc_points(scene.geometry, *unflattened(scene, east, north))
-    offset = scene.offset(points.position)
     angle = axis_position_angle(scene.geometry, points.position)
-    return Renderer(
-        tabulator=prepared,
-        places=prepared.grid.places(offset, jnp.linalg.norm(points.position, axis=-1), angle),
-        reflectance=surface_reflectance(scene.moon, points),
-        response=scene.camera.response,
-    )
+    distance = jnp.linalg.norm(points.position, axis=-1)
+    return grid.places(scene.offset(points.position), distance, angle), surface_reflectance(scene.moon, points)
+
+
+def lit(shadow: ShadowTable | LopsidedTable, places: Places, reflectance, response: str) -> Float[Array, "... channel"]:
+    """The surface in the light of a shadow: the last step to a picture, in the channels of a camera's response."""
+    light = shadow.at(places) * reflectance[..., None]
+    return linear_from_xyz(light) if response == "srgb" else light
 
 
 def surface_reflectance(moon, points):
@@ -160,11 +165,7 @@ def unflattened(scene: Scene, east, north):
         return east, north
     geometry = scene.geometry
     factor = scene.sky.flattening(moon_altitude(geometry))
-    sight = geometry.moon - geometry.observer
-    to_east = jnp.cross(geometry.pole, sight)
-    to_north = jnp.cross(sight, to_east)
-    up_east = geometry.zenith @ to_east / jnp.linalg.norm(to_east)
-    up_north = geometry.zenith @ to_north / jnp.linalg.norm(to_north)
+    up_east, up_north = (geometry.zenith @ axis for axis in sky_axes(geometry, geometry.moon - geometry.observer))
     length = jnp.sqrt(up_east**2 + up_north**2 + 1e-30)
     up_east, up_north = up_east / length, up_north / length
     lift = (up_east * east + up_north * north) * (1.0 / factor - 1.0)

@@ -146,3 +146,17 @@ def display(image: Float[ArrayLike, "row column 3"], gain: float = 1.0) -> np.nd
     """
     linear = jnp.nan_to_num(gain * jnp.asarray(image), nan=0.0)
     return np.asarray(jnp.round(255.0 * encode_srgb(into_gamut(linear)))).astype(np.uint8)
+
+
+def bright_gain(
+    image: Float[np.ndarray, "row column 3"], share: float = 99.0, level: float = 0.8, *, digits: int | None = 2
+) -> float:
+    """Gain for `display` that shows the bright part of a linear picture near full scale; 1 for a black one [-].
+
+    - `share`: percentile of the lit pixels, each by its brightest channel, that is brought to `level` [full scale].
+    - `digits`: to which the gain is rounded, so that it can be told and given again; None for all.
+    """
+    brightest = image.max(axis=-1)
+    lit = brightest[brightest > 0.0]
+    gain = level / float(np.percentile(lit, share)) if lit.size else 1.0
+    return gain if digits is None else float(f"{gain:.{digits}g}")

@@ -67,10 +67,10 @@ def scattered_irradiance(
 def _scattered(atmosphere, scatterers, sun, offset, distance, sun_distance, wavelength):
     darkening = jax.vmap(sun.limb_darkening_coefficients)(wavelength)
     disc = sun.radius / sun_distance
-    return ring_light(atmosphere, scatterers, offset, distance, sun_distance, disc, darkening, wavelength)
+    return ring_glow(atmosphere, scatterers, offset, distance, sun_distance, disc, darkening, wavelength)
 
 
-def ring_light(
+def ring_glow(
     atmosphere, scatterers: Scatterers, offset, distance, sun_distance, disc, darkening, wavelength
 ) -> Float[Array, "... wavelength"]:
     """`scattered_irradiance` for offsets [rad] and distances [m] of one shape.

@@ -14,7 +14,7 @@ from eclipsejax.moon import Moon
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.sky import Sky
 from eclipsejax.sun import Sun
-from eclipsejax.sunlight import sky_angle
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import safe_sqrt
 
 
@@ -49,9 +49,7 @@ def disc_points(geometry: Geometry, east: Float[Array, "..."], north: Float[Arra
     sight = geometry.moon - geometry.observer
     distance = jnp.linalg.norm(sight)
     ahead = sight / distance
-    to_east = jnp.cross(geometry.pole, ahead)
-    to_east = to_east / jnp.linalg.norm(to_east)
-    to_north = jnp.cross(ahead, to_east)
+    to_east, to_north = sky_axes(geometry, ahead)
 
     # The point is the centre plus (e, n) across the line of sight and -d along it; squares of sines, not
     # differences of distances, so that float32 keeps the limb.
@@ -88,6 +86,13 @@ def _unit(vector):
     return vector / jnp.linalg.norm(vector, axis=-1, keepdims=True)
 
 
+def sky_axes(geometry: Geometry, sight: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """Unit vectors towards celestial east and north, across a line of sight of any length."""
+    ahead = _unit(sight)
+    east = _unit(jnp.cross(geometry.pole, ahead))
+    return east, jnp.cross(ahead, east)
+
+
 def axis_offset(geometry: Geometry, position: Float[Array, "... 3"]) -> Float[Array, "..."]:
     """Angle at the Earth's centre between a point and the axis of the shadow [rad]; gradient 0 on the axis."""
     axis = -_unit(geometry.sun)
@@ -97,10 +102,8 @@ def axis_offset(geometry: Geometry, position: Float[Array, "... 3"]) -> Float[Ar
 
 def axis_position_angle(geometry: Geometry, position: Float[Array, "... 3"]) -> Float[Array, "..."]:
     """Position angle of a point about the axis of the shadow, from north through east [rad]."""
-    axis = -_unit(geometry.sun)
-    east = jnp.cross(geometry.pole, axis)
-    north = jnp.cross(axis, east)
-    eastward, northward = position @ _unit(east), position @ _unit(north)
+    east, north = sky_axes(geometry, -geometry.sun)
+    eastward, northward = position @ east, position @ north
     on_axis = eastward**2 + northward**2 == 0.0
     return jnp.arctan2(eastward, jnp.where(on_axis, 1.0, northward))
 
@@ -179,9 +182,8 @@ class Scene(eqx.Module):
 def touches_umbra(where: Geometry, sun: Sun) -> bool:
     """Whether any of the Moon is in the umbra of a ball, or within 1' of it."""
     distance, sun_distance = jnp.linalg.norm(where.moon) - MOON_RADIUS, jnp.linalg.norm(where.sun)
-    edge = sky_angle(EARTH_RADIUS, distance, sun_distance) - jnp.arcsin(sun.radius / sun_distance)
     nearest = axis_offset(where, where.moon) - jnp.arcsin(MOON_RADIUS / distance)
-    return bool(nearest < edge + np.radians(1.0 / 60.0))
+    return bool(nearest < umbra_edge(distance, sun_distance, sun.radius) + np.radians(1.0 / 60.0))
 
 
 def check_eclipsed(where: Geometry) -> None:

@@ -12,12 +12,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt8
 
-from eclipsejax.camera import Camera, sky_plane
+from eclipsejax.camera import Camera
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import Geometry
-from eclipsejax.render import SAMPLINGS, channel_weights, disc_offsets, surface_reflectance, unflattened
-from eclipsejax.response import encode_srgb, into_gamut, linear_from_xyz
-from eclipsejax.scene import Scene, disc_points
+from eclipsejax.render import SAMPLINGS, channel_weights, disc_offsets, lit, pixels, sampled
+from eclipsejax.response import encode_srgb, into_gamut
+from eclipsejax.scene import Scene
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.shadow_table import ShadowTable, Tabulator, table_grid
 from eclipsejax.tolerance import reached
@@ -36,13 +36,9 @@ class Sequence(eqx.Module):
 
         - `scene`: at one of the instants, with the sun of the scene given to `sequence`.
         """
-        row, column = jnp.meshgrid(*(jnp.arange(n, dtype=float) for n in scene.camera.shape), indexing="ij")
-        points = disc_points(scene.geometry, *unflattened(scene, *sky_plane(scene.camera, row, column)))
         _, weights = channel_weights(scene, self.shadow.log_light.shape[-1])
         table = self.shadow.grid.filled(jnp.exp(self.shadow.log_light) @ weights)
-        light = table(scene.offset(points.position), jnp.linalg.norm(points.position, axis=-1))
-        light = light * surface_reflectance(scene.moon, points)[..., None]
-        return linear_from_xyz(light) if scene.camera.response == "srgb" else light
+        return lit(table, *sampled(scene, table.grid, *pixels(scene.camera)), scene.camera.response)
 
 
 def sequence(scene: Scene, instants: Ordered[Geometry], atmosphere, *, tolerance: float = 1e-3) -> Sequence:

@@ -17,12 +17,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import is_lopsided
-from eclipsejax.scattered import ring_light
+from eclipsejax.scattered import ring_glow
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import real
 
 SPACING, STEEPEST, WIDTH = 8.3e-4, -6e-4, 1e-4  # rad; the least errors of 128 to 384 entries among 12 trials
@@ -100,13 +101,7 @@ class ShadowTable(eqx.Module):
         position, fraction, _ = places
         first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, self.grid.count - 4)
         x = position - first - 1.0
-        # Cubic Lagrange through four neighbours at -1, 0, 1, 2.
-        weights = (
-            -x * (x - 1.0) * (x - 2.0) / 6.0,
-            (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
-            -(x + 1.0) * x * (x - 2.0) / 2.0,
-            (x + 1.0) * x * (x - 1.0) / 6.0,
-        )
+        weights = cubic_weights(x)
 
         def along(entries):
             """Between four neighbours: cubic, but straight beside total darkness, where a cubic would jut out."""
@@ -122,12 +117,13 @@ class ShadowTable(eqx.Module):
         return jnp.stack([channel(self.log_light[..., i]) for i in range(self.log_light.shape[-1])], axis=-1)
 
 
-def umbra_edge(distance, sun_distance, sun_radius):
-    """Angle from the axis at which a solid Earth just covers the Sun [rad]."""
+def cubic_weights(x: Float[Array, "..."]) -> tuple[Float[Array, "..."], ...]:
+    """Lagrange's weights at x of four neighbours at -1, 0, 1, 2."""
     return (
-        jnp.arcsin(EARTH_RADIUS / distance)
-        + jnp.arcsin(EARTH_RADIUS / sun_distance)
-        - jnp.arcsin(sun_radius / sun_distance)
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
     )
 
 
@@ -171,7 +167,7 @@ class Tabulator(eqx.Module):
         if self.scatterers is not None:
             distance = operator.views.distance
             offset = jax.vmap(self.grid.offsets_at)(distance)
-            light += ring_light(
+            light += ring_glow(
                 atmosphere,
                 self.scatterers,
                 offset,

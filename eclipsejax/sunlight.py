@@ -7,6 +7,7 @@ centre, and comes, traced back without bending, from asin(a / D) + asin(a / D_s)
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.limb import clustered
 from eclipsejax.traced import safe_sqrt
 
@@ -14,6 +15,11 @@ from eclipsejax.traced import safe_sqrt
 def sky_angle(impact, distance, sun_distance):
     """Where a straight ray comes from: angle from the direction opposite to the point [rad]."""
     return jnp.arcsin(impact / distance) + jnp.arcsin(impact / sun_distance)
+
+
+def umbra_edge(distance, sun_distance, sun_radius):
+    """Angle from the axis at which a solid Earth just covers a Sun of a radius [m]: the edge of the umbra [rad]."""
+    return sky_angle(EARTH_RADIUS, distance, sun_distance) - jnp.arcsin(sun_radius / sun_distance)
 
 
 def solid_angle(impact, distance):

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS, MOON_MEAN_DISTANCE
 from eclipsejax.moon import Moon
 from eclipsejax.shadow_operator import shadow_operator
-from eclipsejax.shadow_table import umbra_edge
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import real
 from eclipsejax.wavelengths import binned_weights
 

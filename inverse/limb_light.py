@@ -13,8 +13,9 @@ from eclipsejax.ephemeris import Geometry
 from eclipsejax.moon import Moon
 from eclipsejax.render import disc_offsets
 from eclipsejax.response import responses
-from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator, umbra_edge
+from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from inverse import prior
 
 OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon

@@ -10,10 +10,11 @@ from PIL import Image
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.camera import Exposure
 from eclipsejax.constants import EARTH_RADIUS
+from eclipsejax.dust_of_brightness import dusty
 from eclipsejax.errors import InputError
 from eclipsejax.figures import gallery
 from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
-from eclipsejax.figures.danjon import DUST, luminosity, strip
+from eclipsejax.figures.danjon import strip
 from eclipsejax.figures.limb_rays import columns, limb_rays
 from eclipsejax.figures.page import Plate, photograph, styled
 from eclipsejax.figures.picture import (
@@ -30,8 +31,9 @@ from eclipsejax.figures.picture import (
 from eclipsejax.figures.refraction import sunlit_path
 from eclipsejax.figures.surface import shaded_disc
 from eclipsejax.figures.tank import BEAMS, FALL, march_error, marched, parabola, tank_index, tank_plate
-from eclipsejax.figures.worlds import PARTIAL, SITE, TOTAL, dusty, worlds
+from eclipsejax.figures.worlds import PARTIAL, SITE, TOTAL, worlds
 from eclipsejax.moon import LAWS, Moon
+from eclipsejax.photometry import FULL_MOON, danjon_number
 from eclipsejax.response import LUMINANCE
 
 SIZE = 48
@@ -40,7 +42,7 @@ SIZE = 48
 @pytest.fixture(scope="module")
 def totality():
     """Linear pictures of mid-eclipse, by name."""
-    airs = worlds() | {f"dust {alpha:g}": dusty(alpha) for alpha in (0.0, 4.7e-6, 1.0e-5)}
+    airs = worlds() | {f"dust {alpha:g}": dusty(Atmosphere.typical(), alpha) for alpha in (0.0, 4.7e-6, 1.0e-5)}
     airs |= {f"L = {4 - i}": air for i, air in enumerate(strip())}
     return dict(zip(airs, pictures(scene(TOTAL, SITE, size=SIZE, sky=airless()), airs.values()), strict=True))
 
@@ -108,13 +110,10 @@ def test_clear_air_dims_the_moon_of_2008_by_nine_magnitudes(totality):
 def test_dust_dims_and_strip_gives_the_numbers_of_danjon(totality):
     lost = [magnitudes_lost(totality[f"dust {alpha:g}"]) for alpha in (0.0, 4.7e-6, 1.0e-5)]
     assert lost[0] < lost[1] - 1.0 < lost[2] - 2.0
-    found = [luminosity(magnitudes_lost(totality[f"L = {4 - i}"]) - 12.74) for i in range(len(DUST) + 1)]
-    np.testing.assert_allclose(found, [4, 3, 2, 1, 0], atol=0.1)
-
-
-def test_luminosity_inverts_the_relation():
-    for number in (0.0, 1.5, 4.0):
-        assert luminosity(4.2 - 3.0 * number + (number / 2) ** 2) == pytest.approx(number)
+    magnitudes = FULL_MOON + np.array([magnitudes_lost(totality[f"L = {4 - i}"]) for i in range(5)])
+    np.testing.assert_allclose(danjon_number(magnitudes), [4, 3, 2, 1, 0], atol=0.1)
+    # The scale is clipped at its ends: clear air is brighter than L = 4, and the last is not simply black.
+    assert -4.1 < magnitudes[0] < -3.8 and magnitudes[4] == pytest.approx(4.2, abs=0.2)
 
 
 def test_longer_exposures_are_brighter_and_saturate():

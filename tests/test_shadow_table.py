@@ -10,8 +10,9 @@ from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS
 from eclipsejax.moon import Moon
 from eclipsejax.render import PENUMBRAL_SAMPLINGS, SAMPLINGS
 from eclipsejax.shadow_operator import shadow_operator
-from eclipsejax.shadow_table import from_edge_at, tabulator, umbra_edge, variable
+from eclipsejax.shadow_table import from_edge_at, tabulator, variable
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.wavelengths import MANY, binned_weights, channel_weights
 from tests.test_shadow import OFFSETS, SUN, WAVELENGTHS, irradiance
 

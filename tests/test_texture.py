@@ -10,8 +10,8 @@ from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.shadow import shadow_irradiance
-from eclipsejax.shadow_table import umbra_edge
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.texture import colours, place, shadow_texture, three_wavelengths
 from tests.test_cli import own_cache  # noqa: F401
 from tests.test_peers import ARCMIN, CosmoScoutAir, CosmoScoutSun

@@ -10,8 +10,8 @@ from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
 from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.moon import Moon
 from eclipsejax.shadow import shadow_irradiance
-from eclipsejax.shadow_table import umbra_edge
 from eclipsejax.sun import Sun
+from eclipsejax.sunlight import umbra_edge
 from eclipsejax.umbra import umbra_enlargement, umbra_radius
 from eclipsejax.wavelengths import binned_weights
 

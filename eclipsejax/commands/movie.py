@@ -13,6 +13,7 @@ from eclipsejax.errors import InputError
 
 SUFFIXES = (".mp4", ".gif")
 METER = 64  # pixels of the picture with which the light is metered
+METERED, BRIGHT = 95.0, 0.7  # its brightest twentieth, seldom a thin crescent, is above this level [full scale]
 SMOOTH = 240.0  # s, standard deviation of the Gaussian that smooths an automatic exposure
 SET = -0.01  # rad, true altitude of a Moon that refraction still shows on the horizon
 F_NUMBER, ISO = 5.6, 1600.0
@@ -103,8 +104,9 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
 
     from eclipsejax.calendar import SECONDS_PER_DAY
     from eclipsejax.camera import Camera, Exposure
-    from eclipsejax.movie import metered_gain, shutter_text, smooth_gains, whole_stops
+    from eclipsejax.movie import shutter_text, smooth_gains, whole_stops
     from eclipsejax.movie_file import captioned
+    from eclipsejax.response import bright_gain
     from eclipsejax.scene import Scene
     from eclipsejax.sequence import developed, pictured, sequence
     from eclipsejax.sky import Sky
@@ -118,7 +120,8 @@ def _filmed(times: list[str], geometries: list, options: Namespace):
         shutters = np.full(len(times), options.exposure)
     else:
         coarse = replace(scene, camera=Camera(shape=(METER, METER), scale=shared.FIELD / METER))
-        wanted = [metered_gain(np.asarray(pictured(pictures, replace(coarse, geometry=where)))) for where in geometries]
+        metered = (np.asarray(pictured(pictures, replace(coarse, geometry=where))) for where in geometries)
+        wanted = [bright_gain(image, METERED, BRIGHT, digits=None) for image in metered]
         first, last = (
             float(np.asarray(where.clock) @ [SECONDS_PER_DAY, 1.0]) for where in (geometries[0], geometries[-1])
         )

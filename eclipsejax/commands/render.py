@@ -8,7 +8,6 @@ from eclipsejax.commands import options as shared
 from eclipsejax.commands.output import check_writable, whole_file
 from eclipsejax.errors import InputError
 
-BRIGHT = 0.8  # of full scale, for the brightest channel of the brightest hundredth of the disc
 SUFFIXES = (".png", ".tif", ".tiff")
 
 
@@ -45,7 +44,7 @@ def _render(options: Namespace) -> None:
 
     from eclipsejax.camera import Exposure
     from eclipsejax.render import render
-    from eclipsejax.response import display, into_gamut
+    from eclipsejax.response import bright_gain, display, into_gamut
     from eclipsejax.scene import Scene
 
     parts = {"camera": shared.camera(options), "scatterers": shared.scatterers(options)}
@@ -57,7 +56,7 @@ def _render(options: Namespace) -> None:
         gain = float(Exposure(*shot).scale()[0])
         print(f"A full Moon would be at {gain:.3g} of full scale.")
     else:
-        gain = options.gain or _bright_gain(image)
+        gain = options.gain or bright_gain(image)
         print(f"The Moon is brightened {f'{gain:,.0f}' if gain >= 10 else f'{gain:g}'} times.")
 
     with whole_file(options.output) as path:
@@ -72,12 +71,3 @@ def _render(options: Namespace) -> None:
             tifffile.imwrite(path, linear, photometric="rgb")
     rows, columns = scene.camera.shape
     print(f"Wrote {options.output}: {scene.geometry.utc}, {columns} x {rows} pixels.")
-
-
-def _bright_gain(image) -> float:
-    """Gain that shows the bright part of the disc, of two digits, so that it can be given as --gain again."""
-    import numpy as np
-
-    brightest = image.max(axis=-1)
-    lit = brightest[brightest > 0.0]
-    return float(f"{BRIGHT / np.percentile(lit, 99):.2g}") if lit.size else 1.0

@@ -1,27 +1,25 @@
 """Danjon's scale as a strip: one Moon under five airs, from the bright umbra of clear air to a volcano's dust."""
 
-import numpy as np
+from dataclasses import replace
 
-from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
+import jax.numpy as jnp
+
+from eclipsejax.atmosphere import Atmosphere, Dust
 from eclipsejax.figures.page import Plate, row, styled
-from eclipsejax.figures.picture import airless, magnitudes_lost, moment, pictures, ready_gain, scene, shown
+from eclipsejax.figures.picture import airless, magnitudes_lost, moment, pictures, scene, shown
 from eclipsejax.figures.worlds import SITE, TOTAL
+from eclipsejax.photometry import FULL_MOON, danjon_number
+from eclipsejax.response import bright_gain
 
-FULL_MOON = -12.74  # mag, at mean distance
 # Extinction of the dust [1/m] and its top [m] that give L = 3, 2, 1, 0 to 0.1 in this eclipse; L = 4 is clear air.
-DUST = ((1.7e-6, 25e3), (4.0e-6, 30e3), (7.8e-6, 30e3), (1.25e-5, 30e3))
+DUST = ((1.2e-6, 25e3), (3.6e-6, 30e3), (7.2e-6, 30e3), (1.2e-5, 30e3))
 WORDS = ("copper and orange", "brick red", "deep red", "dark, brownish", "almost invisible")
 
 
 def strip() -> list[Atmosphere]:
     """Airs of L = 4 to 0."""
-    cloudy = {"haze": Haze(optical_depth=0.1), "clouds": Clouds(top=8e3, cover=0.97, width=4e3)}
-    return [Atmosphere(), *(Atmosphere(dust=Dust(extinction=alpha, top=top), **cloudy) for alpha, top in DUST)]
-
-
-def luminosity(magnitude: float) -> float:
-    """Danjon's L [-] of an eclipsed Moon of a visual magnitude: m = 4.2 - 3 L + (L/2)^2 (Vital), solved for L."""
-    return 6.0 - 2.0 * float(np.sqrt(max(4.8 + magnitude, 0.0)))
+    typical = Atmosphere.typical()
+    return [Atmosphere(), *(replace(typical, dust=Dust(extinction=alpha, top=top)) for alpha, top in DUST)]
 
 
 @styled
@@ -32,12 +30,14 @@ def danjon_plate(size: int = 320) -> Plate:
     """
     plate = Plate("Danjon's scale", 12.5, 6.0)
     images = pictures(scene(TOTAL, SITE, size=size, sky=airless()), strip())
-    magnitudes = [FULL_MOON + magnitudes_lost(image) for image in images]
-    gain = ready_gain(images[0])
-    titles = [f"L = {luminosity(m):.1f}   ({m:+.1f} mag)" for m in magnitudes]
+    magnitudes = FULL_MOON + jnp.asarray([magnitudes_lost(image) for image in images])
+    gain = bright_gain(images[0])
+    titles = [
+        f"L = {number:.1f}   ({m:+.1f} mag)" for number, m in zip(danjon_number(magnitudes), magnitudes, strict=True)
+    ]
     alike = [(shown(image, gain), title, "") for image, title in zip(images, titles, strict=True)]
     row(plate, alike, top=0.945, bottom=0.53, margin=0.008)
-    gains = [ready_gain(image) for image in images]
+    gains = [bright_gain(image) for image in images]
     lines = [f"{words}; brightened {g:,.0f} ×" for words, g in zip(WORDS, gains, strict=True)]
     each = [(shown(image, g), "", line) for image, g, line in zip(images, gains, lines, strict=True)]
     row(plate, each, top=0.485, bottom=0.06, margin=0.008)

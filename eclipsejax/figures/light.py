@@ -4,8 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
+from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_MEAN_DISTANCE
+from eclipsejax.dust_of_brightness import dusty
 from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
 from eclipsejax.figures.limb_rays import columns, limb_rays
 from eclipsejax.figures.page import COLOURS, FAINT, INK, Plate, panels, styled
@@ -24,9 +25,7 @@ def limbs() -> dict[str, Atmosphere]:
     return {
         "clear air": Atmosphere(),
         "typical: clouds, haze, a little dust": Atmosphere.typical(),
-        f"dust, α = {ALPHA:.1e} /m": Atmosphere(
-            dust=Dust(extinction=ALPHA), haze=Haze(optical_depth=0.1), clouds=Clouds(top=8e3, cover=0.97, width=4e3)
-        ),
+        f"dust, α = {ALPHA:.1e} /m": dusty(Atmosphere.typical(), ALPHA),
     }
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.ephemeris import geometry, moon_altitude
 from eclipsejax.figures.page import COLOURS, FAINT, INK, Plate, panels, photograph, styled
-from eclipsejax.figures.picture import pictures, ready_gain, scene, shown, zenith_up
+from eclipsejax.figures.picture import pictures, scene, shown, zenith_up
+from eclipsejax.response import bright_gain
 from eclipsejax.sky import Sky, air_mass
 
 MADRID = (40.42, -3.70)
@@ -39,7 +40,7 @@ def moonset_plate(size: int = 320) -> Plate:
     for panel, utc, above in zip(panels(rows), SETTING, np.degrees(apparent[1]), strict=True):
         view = scene(utc, MADRID, size=size, roll=zenith_up(utc, MADRID))
         image = pictures(view, [Atmosphere.typical()])[0]
-        gain = ready_gain(image)
+        gain = bright_gain(image)
         photograph(panel, shown(image, gain), f"{utc[11:16]} UTC, at {above:.1f}°", f"brightened {gain:,.0f} ×")
 
     lower = plate.add_gridspec(1, 3, left=0.05, right=0.985, top=0.38, bottom=0.085, wspace=0.2)

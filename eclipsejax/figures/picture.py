@@ -9,7 +9,7 @@ from eclipsejax.camera import Camera, Exposure, expose
 from eclipsejax.ephemeris import geometry
 from eclipsejax.render import Renderer, renderer
 from eclipsejax.response import LUMINANCE, display, into_gamut
-from eclipsejax.scene import Scene
+from eclipsejax.scene import Scene, sky_axes
 from eclipsejax.sky import Sky
 
 FIELD = 1.1e-2  # rad, width of a picture: the Moon is 8.9e-3 to 9.9e-3 wide
@@ -19,7 +19,6 @@ GLARE_SCALE = 1e-3  # rad
 TOLERANCE = 1e-3
 FINER = 2  # pixels rendered along the side of one shown, so that the limb is no staircase
 BLACK = 40.0  # mag, lost where no light arrives: the shadow's table ends at 1e-30
-READY = 0.8  # of full scale, for the bright part of a picture that is shown as bright as can be
 
 prepared = eqx.filter_jit(renderer)
 
@@ -48,14 +47,8 @@ def airless() -> Sky:
 def zenith_up(utc: str, site) -> float:
     """Roll of a picture in which the site's horizon is level [rad]."""
     where = geometry(utc, *site)
-    sight = where.moon - where.observer
-    east = jnp.cross(where.pole, sight)
-    north = jnp.cross(sight, east)
-    return float(jnp.arctan2(where.zenith @ _unit(east), where.zenith @ _unit(north)))
-
-
-def _unit(vector):
-    return vector / jnp.linalg.norm(vector)
+    east, north = sky_axes(where, where.moon - where.observer)
+    return float(jnp.arctan2(where.zenith @ east, where.zenith @ north))
 
 
 def pictures(scene: Scene, atmospheres) -> list[np.ndarray]:
@@ -68,16 +61,6 @@ def darkness(image: np.ndarray) -> str:
     """By how much the whole Moon is dimmed, in words."""
     lost = magnitudes_lost(image)
     return f"dimmed by {lost:.1f} mag" if lost < BLACK else "black"
-
-
-def ready_gain(image: np.ndarray, share: float = 99.0) -> float:
-    """Brightening, of two digits, that shows the bright part of a linear picture near full scale [-].
-
-    - `share`: percentile of the disc that is brought there.
-    """
-    brightest = image.max(axis=-1)
-    lit = brightest[brightest > 0.0]
-    return float(f"{READY / np.percentile(lit, share):.2g}") if lit.size else 1.0
 
 
 def shown(image: np.ndarray, gain: float) -> np.ndarray:

@@ -25,6 +25,7 @@ _RAW_SUFFIXES = frozenset(
     ).split()
 )
 _FITS_SUFFIXES = frozenset((".fits", ".fit", ".fts"))
+SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".tif", ".tiff")) | _FITS_SUFFIXES | _RAW_SUFFIXES
 _RAW_HEADS = (b"FUJIFILMCCD-RAW", b"IIU\0", b"IIRO", b"IIRS", b"MMOR", b"FOVb")
 _TIFF_HEADS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _DNG_VERSION = 50706

@@ -31,7 +31,7 @@ HOMES = {
     "distributed": {"inverse/archive.py"},
 }
 DRAWERS = {"eclipsejax/figures/page.py"} | {
-    f"inverse/{name}.py" for name in ("page", "comparison_plot", "corner_plot", "profile_plot")
+    f"inverse/{name}.py" for name in ("page", "comparison_plot", "corner_plot", "profile_plot", "archive_plot")
 }
 HEAVY = ("colour", "skimage", "matplotlib", "emcee", "skyfield", "dask", "scipy", "jax")
 

@@ -28,7 +28,7 @@ from zoneinfo import ZoneInfo
 
 from eclipsejax.almanac import nearest_eclipse
 from eclipsejax.calendar import read_clock, write_clock
-from eclipsejax.errors import InputError
+from eclipsejax.errors import InputError, printable
 from inverse.filetype import SUFFIXES
 
 LARGEST_CATALOGUE = 50e6  # bytes
@@ -86,7 +86,7 @@ def _in_folder(folder: Path, out: Path) -> Iterator[Listed]:
             path = Path(place) / name
             if path.suffix.lower() in SUFFIXES and not name.startswith("."):
                 number += 1
-                yield Listed(number, path.relative_to(folder).as_posix(), path)
+                yield Listed(number, printable(path.relative_to(folder).as_posix()), path)
 
 
 def _in_catalogue(path: Path) -> Iterator[Listed]:
@@ -238,5 +238,5 @@ def _site(text: str) -> tuple[float, ...] | None:
 
 def _short(text: str, most: int = SHOWN) -> str:
     """What a catalogue says, for one line of a message."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in text)
+    plain = printable(text)
     return plain if len(plain) <= most else plain[: most - 1] + "…"

@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from eclipsejax.errors import InputError
+from eclipsejax.errors import InputError, printable
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
@@ -95,7 +95,11 @@ def found(fit, task: Task, seconds: float) -> dict[str, Any]:
 def failed(task: Task, reason: str, seconds: float = 0.0) -> dict[str, Any]:
     """The content of a row of which nothing came, with the reason in one sentence."""
     times = sorted(time for time in task.times if time)
-    return _common(task, seconds) | {"status": FAILED, "error": " ".join(reason.split()), "utc": (times or [None])[0]}
+    return _common(task, seconds) | {
+        "status": FAILED,
+        "error": printable(" ".join(reason.split())),
+        "utc": (times or [None])[0],
+    }
 
 
 def _common(task: Task, seconds: float) -> dict[str, Any]:

@@ -4,8 +4,8 @@
     python -m benchmarks.archive --photographs 2 --draws 0    # Laplace's approximation alone: minutes
 
 Photographs are rendered with noise of their own, compressed as JPEG and fitted for real, each by itself; compiled code
-is on disk from a first run, whose time is the cold one. Strong scaling: the same photographs on more workers. Weak scaling:
-so many more photographs on more workers.
+is on disk from a first run, whose time is the cold one. Strong scaling: the same photographs on more workers. Weak
+scaling: so many more photographs on more workers.
 """
 
 import argparse

@@ -123,6 +123,7 @@ def _all(crew, tasks: Iterable[Task], retry: bool, report: Callable[[int], None]
             yield task
 
     done: dict[str, Row] = {}
+    report(0)
     for content in crew.do(wanted()):
         done[content["key"]] = content
         report(len(done))
@@ -130,7 +131,7 @@ def _all(crew, tasks: Iterable[Task], retry: bool, report: Callable[[int], None]
 
 
 class _Crew:
-    """Those who do the work: this process, processes of this machine, or a cluster; called when first needed."""
+    """Those who do the work: this process, or processes of this machine or a cluster, called when first needed."""
 
     def __init__(self, desk: Desk, workers: int | None, scheduler: str | None):
         self.desk, self.workers, self.scheduler = desk, workers, scheduler
@@ -176,14 +177,13 @@ class _Crew:
             write_row(self.desk.out, content)
             return content
         except Exception as error:
-            raise self._lost(error) from None
-
-    def _lost(self, error: Exception) -> InputError:
-        what = f"{type(error).__name__} {error}".split("\n")[0][:200].strip().rstrip(".")
-        return InputError(f"The workers were lost ({what}): run the same command again; what is finished is kept.")
+            what = f"{type(error).__name__} {error}".split("\n")[0][:200].strip().rstrip(".")
+            raise InputError(
+                f"The workers were lost ({what}): run the same command again; what is finished is kept."
+            ) from None
 
     def _called(self):
-        """The futures' queue, once there are workers."""
+        """A queue of futures, and workers for them."""
         try:
             from dask import config
             from distributed import Client, LocalCluster, as_completed
@@ -191,6 +191,8 @@ class _Crew:
             raise InputError(
                 "Work by several processes needs Dask: pip install 'eclipsejax[cluster]', or give --workers 0."
             ) from None
+        if self.client is not None:
+            return as_completed(loop=self.client.loop)
         config.set({"distributed.scheduler.allowed-failures": 1000})  # `archive_work` counts for itself
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
@@ -205,9 +207,7 @@ class _Crew:
             self.client.wait_for_workers(1, timeout=CONNECT)
         except (OSError, ValueError, TimeoutError) as error:
             where = self.scheduler or "this machine"
-            raise InputError(
-                f"No worker could be had at {where} ({error}): check the scheduler and its workers."
-            ) from None
+            raise InputError(f"No worker could be had at {where} ({error}): check the scheduler.") from None
         self._check()
         return as_completed(loop=self.client.loop)
 

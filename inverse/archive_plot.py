@@ -14,6 +14,7 @@ from inverse.page import drawn
 DEPTH = "stratospheric_optical_depth"
 MARGIN = 0.06  # of the time spanned, on either side, and at least LEAST
 LEAST = 1.0  # year
+DECADE = 10.0  # least range of optical depths
 ECLIPSE, PHOTOGRAPH, ERUPTION = "#1f5fd0", "#9aa5b5", "#d62728"
 
 
@@ -46,13 +47,18 @@ def _draw(rows: Sequence[Mapping[str, Any]], figure) -> None:
     axes.set_xlim(min(years) - margin, max(years) + margin)
     axes.set_yscale("log")
     axes.ticklabel_format(axis="x", style="plain", useOffset=False)
+    low, high = axes.get_xlim()
     for row, year in zip(rows, years, strict=True):
         _mark(axes, row, year)
-    low, high = axes.get_xlim()
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(min(bottom, top / DECADE), max(top, bottom * DECADE))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("")
+    above = axes.get_xaxis_transform()
     for name, year in eruptions():
         if low < year < high:
             axes.axvline(year, color=ERUPTION, lw=0.8, alpha=0.7, zorder=0)
-            axes.text(year, 1.01, name, color=ERUPTION, rotation=30, fontsize=8, transform=axes.get_xaxis_transform())
+            axes.text(year, 1.01, name, color=ERUPTION, rotation=30, fontsize=8, transform=above)
     axes.set_xlabel("year")
     axes.set_ylabel("vertical optical depth of the dust, 15 to 25 km")
     axes.grid(alpha=0.25, which="both")
@@ -65,7 +71,7 @@ def _draw(rows: Sequence[Mapping[str, Any]], figure) -> None:
 def _mark(axes, row: Mapping[str, Any], year: float) -> None:
     """One fit: its median and intervals, or an arrow down from its upper limit."""
     whole = row["kind"] == "eclipse"
-    style = {"color": ECLIPSE if whole else PHOTOGRAPH, "zorder": 3 if whole else 2}
+    style = {"color": ECLIPSE if whole else PHOTOGRAPH, "zorder": 3 if whole else 2, "alpha": 1.0 if whole else 0.6}
     limit = row.get(f"{DEPTH}_upper_limit")
     if limit:
         axes.errorbar(year, limit, yerr=0.35 * limit, uplims=True, fmt="_", capsize=3, **style)
@@ -75,4 +81,12 @@ def _mark(axes, row: Mapping[str, Any], year: float) -> None:
         if all(end and end > 0.0 for end in ends):
             axes.plot([year, year], ends, lw=width if whole else 0.6 * width, solid_capstyle="butt", **style)
     filled = style["color"] if row["status"] == "ok" else "white"
-    axes.plot(year, row[f"{DEPTH}_median"], "o", ms=6 if whole else 3.5, mfc=filled, mec=style["color"], zorder=4)
+    axes.plot(
+        year,
+        row[f"{DEPTH}_median"],
+        "o",
+        ms=6 if whole else 3.5,
+        mfc=filled,
+        mec=style["color"],
+        zorder=style["zorder"] + 2,
+    )

@@ -98,6 +98,9 @@ def tiff(path: Path) -> Decoded:
             raise ValueError("it holds no picture")
         page = max(pages, key=lambda page: page.imagelength * page.imagewidth * (not page.is_reduced))
         check_size(path, page.imagelength, page.imagewidth)
+        samples = page.samplesperpixel * page.imagedepth
+        if samples > 5:  # CMYK with opacity; a damaged header has thousands, and memory for them would be taken
+            raise ValueError(f"it has {samples} channels")
         curve, primaries = tone.profile(page.tags.valueof("InterColorProfile"))
         if int(page.photometric) == _LINEAR_RAW:
             curve = tone.linear

@@ -352,6 +352,7 @@ def hostile() -> dict[str, bytes]:
         "nothing.png": png(0, 0, 8, 2, b""),
         "text.png": text_bomb(),
         "wide.tif": tagged(rgb, ImageWidth=65535),
+        "planes.tif": tagged(originals()["planes.tif"], SamplesPerPixel=65280),
         "samples.tif": tagged(rgb, SamplesPerPixel=65535),
         "compression.tif": tagged(rgb, Compression=34933),
         "rows.tif": tagged(deep, RowsPerStrip=1),

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import version
 from multiprocessing import resource_tracker
 from os import PathLike
 from pathlib import Path
@@ -24,7 +23,7 @@ from inverse.archive_eclipses import Member, Row, by_eclipse, eclipse_row, membe
 from inverse.archive_fetch import file_of
 from inverse.archive_limits import Limits
 from inverse.archive_plot import optical_depth_plot
-from inverse.archive_rows import FAILED, Task, failed, read_row, unwritable, write_row
+from inverse.archive_rows import FAILED, Task, failed, program, read_row, unwritable, write_row
 from inverse.archive_tables import write_csv, write_parquet
 from inverse.archive_work import Desk, alone, fitted, forget, prepared, work
 
@@ -213,7 +212,7 @@ class _Crew:
 
     def _check(self) -> None:
         """Every worker has this program and sees the folder of the archive."""
-        ours, token = version("eclipsejax"), self.desk.out / "attempts" / self.desk.run
+        ours, token = program(), self.desk.out / "attempts" / self.desk.run
         token.touch()
         try:
             for worker, answer in self.client.run(_sees, str(token), on_error="return").items():
@@ -225,7 +224,7 @@ class _Crew:
 
 
 def _sees(token: str) -> tuple[str, bool]:
-    return version("eclipsejax"), Path(token).exists()
+    return program(), Path(token).exists()
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from eclipsejax import session
 from eclipsejax.errors import InputError
 
 SHOWN = 20  # sentences on what failed
+MOST_SECONDS = 7200.0  # sampling takes a quarter of an hour
 EXCLUDED = ("time", "resume", "demo")
 
 
@@ -20,7 +21,8 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "archive.parquet, optical_depth.png, a folder for each fit; the same command does what is left")  # fmt: skip
     add("--workers", type=_count, metavar="N", help="processes; 0: in this one; default: by cores and memory")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster, such as tcp://10.0.0.1:8786, instead")
-    add("--seconds-per-photograph", type=session.number(1e-3, 1e7), metavar="S", help="end a fit that takes longer")
+    add("--seconds-per-photograph", type=session.number(1e-3, 1e7), metavar="S", default=MOST_SECONDS,
+        help=f"end a fit that takes longer; default {MOST_SECONDS:g}, but none with --workers 0")  # fmt: skip
     add("--memory-per-photograph", type=session.number(1e-3, 1e5), metavar="GB", help="end a process that takes more")
     add("--together", type=_count, metavar="N", help="photographs of an eclipse that are fitted as one; default 12")
     add("--retry", action="store_true", help="do again what failed before")
@@ -39,7 +41,10 @@ def archive(options: Namespace) -> bool:
             f"--archive takes one folder or catalogue, and not {what}: a catalogue has a column for times."
         )
     memory = options.memory_per_photograph
-    limits = Limits(options.seconds_per_photograph, None if memory is None else 1e9 * memory)
+    seconds = options.seconds_per_photograph
+    if options.workers == 0 and seconds == MOST_SECONDS:
+        seconds = None
+    limits = Limits(seconds, None if memory is None else 1e9 * memory)
     try:
         with _Bars() as bars:
             rows = make_archive(

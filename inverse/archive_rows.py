@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from eclipsejax.errors import InputError, printable
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
+NO_PART_OF_A_FIT = ("archive", "cli", "plot", "report", "page", "movie", "selftest")  # in names of modules
 OK, NOT_CONVERGED, FAILED = "ok", "not converged", "failed"
 
 
@@ -51,7 +53,18 @@ class Task:
     @property
     def key(self) -> str:
         """Hash of all that the fit depends on: the name of what is kept of it."""
-        return digest([FORMAT, list(self.sha256), self.configuration, version("eclipsejax")])[:32]
+        return digest([FORMAT, list(self.sha256), self.configuration, program()])[:32]
+
+
+@cache
+def program() -> str:
+    """Version of this program, with a hash of the code and tables that a fit goes through: a checkout changes daily."""
+    total = hashlib.sha256()
+    home = Path(__file__).resolve().parents[1]
+    for path in sorted([*home.glob("inverse/*.py"), *home.glob("eclipsejax/*.py"), *home.glob("eclipsejax/tables/*")]):
+        if path.is_file() and not any(word in path.name for word in NO_PART_OF_A_FIT):
+            total.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    return f"{version('eclipsejax')}+{total.hexdigest()[:12]}"
 
 
 def digest(value: Any) -> str:
@@ -109,7 +122,7 @@ def _common(task: Task, seconds: float) -> dict[str, Any]:
         "photographs": len(task.sha256),
         "sha256": " ".join(task.sha256),
         "seconds": round(seconds, 3),
-        "version": version("eclipsejax"),
+        "version": program(),
         "jax": version("jax"),
     }
 

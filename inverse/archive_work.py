@@ -1,6 +1,5 @@
 """One fit of an archive, from files to a kept row; what a worker does, here or on another machine."""
 
-import shutil
 import threading
 import time as clock
 import traceback
@@ -182,6 +181,6 @@ def _clear(folder: Path) -> None:
 
 
 def forget(out: Path, key: str) -> None:
-    """Throw away what is kept of a fit."""
-    row_file(out, key).unlink(missing_ok=True)
-    shutil.rmtree(out / "fits" / key, ignore_errors=True)
+    """Throw away the row of a fit that failed; a chain that was begun is gone on with."""
+    for path in (row_file(out, key), out / "fits" / key / "failure.txt"):
+        path.unlink(missing_ok=True)

@@ -28,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _command(arguments: Sequence[str] | None) -> None:
+    session.one_blas_thread()
     options = _parser().read(arguments)
     if options.archive is not None:
         if not archive_command.archive(options):

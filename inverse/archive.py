@@ -193,7 +193,8 @@ class _Crew:
         if self.client is not None:
             return as_completed(loop=self.client.loop)
         config.set({"distributed.scheduler.allowed-failures": 1000})  # `archive_work` counts for itself
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in ("distributed", "distributed.client", "distributed.scheduler", "distributed.worker"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what is lost is said in one sentence
         try:
             if self.scheduler is None:
                 with _children_deaf_to_control_c():

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import equinox as eqx
 import jax
+import numpy as np
 
 from benchmarks.measure import Measurement, report, timed
 from benchmarks.shadow_speed import PHASES, SITE

@@ -80,10 +80,10 @@ def fake_fit(photos=None, sampled=True) -> Fit:
     """A fit whose posterior is the prior of the limb, narrowed and correlated."""
     random, method = np.random.default_rng(1), "emcee" if sampled else "laplace"
     size = len(prior.ATMOSPHERE)
-    narrow = np.array([0.15, 0.7, 0.95, 0.6, 0.5, 0.8, 0.7, 0.9])
+    narrow = np.array([0.15, 0.7, 0.95, 0.6, 0.5, 0.8, 0.7, 0.9, 0.95])
     z = random.standard_normal((16 if sampled else 1, 400, size))
     z[..., 3] = 0.8 * z[..., 4] + 0.6 * z[..., 3]
-    z = narrow * z + np.array([1.2, 0.3, 0.1, -0.4, 0.5, 0.0, 0.2, -0.2])
+    z = narrow * z + np.array([1.2, 0.3, 0.1, -0.4, 0.5, 0.0, 0.2, -0.2, 0.1])
     before = random.standard_normal((4000, size))
     estimates, draws, prior_draws = {}, {}, {}
 

@@ -61,7 +61,7 @@ class Answer:
                 "r_hat": _finite(self.diagnosis.r_hat),
                 "ess_bulk": self.diagnosis.ess_bulk,
                 "ess_tail": self.diagnosis.ess_tail,
-                "converged": self.diagnosis.converged,
+                "converged": self.diagnosis.agreed if self.method == "emcee+psis" else self.diagnosis.converged,
                 "unmet": list(self.diagnosis.unmet),
             }
         return found

@@ -13,6 +13,7 @@ from inverse.diagnostics import LEAST_SAMPLES, arviz
 
 LARGEST_K = 0.7
 DRAWS, MOST_DRAWS = 2000, 8000
+ALIKE = 0.98  # effective share of draws above which weights are as good as equal
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,8 @@ def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, 
     - `random`: NumPy's generator.
     """
     weight, k_hat = _weights(log_posterior - log_proposal)
+    if 1.0 / np.sum(weight**2) > ALIKE * len(weight):
+        k_hat = min(k_hat, 0.0)  # a tail of rounding errors has any shape
     return _resampled(z, log_posterior, weight, k_hat, random)
 
 

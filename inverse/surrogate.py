@@ -11,20 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial import KDTree
 
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import sample
-from inverse.importance import Importance, weighed
+from inverse.importance import LARGEST_K, Importance, weighed
 from inverse.posterior import LimbPosterior
 
 FIRST, MORE = 900, 900  # points worked out: about Laplace's Gaussian, then along each chain
 STRETCH = 1.4  # of the Gaussian that the first are drawn from
-ROUNDS = 4
+ROUNDS = 5
 COMPONENTS = 40  # at most
 LEFT_OUT = 1e-2  # of the squared misfit, mean over the points, that components may leave out
-CHAIN_DRAWS = 192_000  # at most
+SCOUT, CHAIN_DRAWS = 48_000, 192_000  # draws of the chains that refine it, and at most of the one that counts
 WEIGHED = 2000  # of a chain's draws
+STRAY, WALL = 1.5, 10.0  # times the largest usual distance between points; steepness of the density beyond
 
 
 @dataclass(frozen=True)
@@ -32,17 +34,24 @@ class Surrogate:
     """Log posterior of the limb, interpolated.
 
     - `centre`, `factor`: of the Gaussian whose deviates the points are given in.
+    - `points`: where it was worked out, in those deviates.
     - `misfits`: interpolates components of the misfit, and last the square of what they leave out.
     """
 
     centre: np.ndarray
     factor: np.ndarray
+    points: KDTree
+    reach: float
+    """How far from the nearest of the points it is believed."""
     misfits: RBFInterpolator
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Log densities (draw,) of points (draw, parameter)."""
-        *components, rest = self.misfits(np.linalg.solve(self.factor, (z - self.centre).T).T).T
-        return -0.5 * (np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0) + np.sum(z**2, axis=1))
+        """Log densities (draw,) of points (draw, parameter); falling off where there are no points near."""
+        places = np.linalg.solve(self.factor, (z - self.centre).T).T
+        *components, rest = self.misfits(places).T
+        away = np.maximum(self.points.query(places)[0] / self.reach - 1.0, 0.0)
+        squares = np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0)
+        return -0.5 * (squares + np.sum(z**2, axis=1)) - WALL * away**2
 
 
 def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np.ndarray) -> Surrogate:
@@ -62,7 +71,9 @@ def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np
     rest = np.sum(misfits**2, axis=1) - np.sum(components**2, axis=1)
     places = np.linalg.solve(factor, (z - centre).T).T
     targets = np.column_stack([components, rest])
-    return Surrogate(centre, factor, RBFInterpolator(places, targets, kernel="cubic", degree=2))
+    tree = KDTree(places)
+    reach = STRAY * float(np.quantile(tree.query(places, k=2)[0][:, 1], 0.99))
+    return Surrogate(centre, factor, tree, reach, RBFInterpolator(places, targets, kernel="cubic", degree=2))
 
 
 @dataclass(frozen=True)
@@ -81,8 +92,8 @@ class Interpolated:
 
     @property
     def trusted(self) -> bool:
-        """Whether the chain ran its course and the weights are well-behaved."""
-        return self.weighed.trusted and self.diagnosis.converged
+        """Whether the ensembles agree and the weights are well-behaved: their length they need not show as well."""
+        return self.weighed.trusted and self.diagnosis.agreed
 
 
 def interpolated(
@@ -98,12 +109,13 @@ def interpolated(
     factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(centre)))
     z = centre + STRETCH * random.standard_normal((FIRST, len(centre))) @ factor.T
     misfits = posterior.misfits(z)
-    points = len(z)
-    number = 0
-    while True:
+    found, points = None, len(z)
+    long = False
+    for number in range(1, ROUNDS + 1):
         known = np.isfinite(misfits).all(axis=1)
         fast = surrogate(z[known], misfits[known], centre, factor)
-        chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS, seed=seed + number)
+        long = long or number == ROUNDS
+        chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
         diagnosis = diagnose(chain.z)
         drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
         fresh = posterior.misfits(drawn)
@@ -111,10 +123,12 @@ def interpolated(
         exact = -0.5 * (np.sum(fresh**2, axis=1) + np.sum(drawn**2, axis=1))
         exact = np.where(np.isfinite(exact), exact, -np.inf)
         found = Interpolated(weighed(drawn, exact, fast(drawn), random), chain, diagnosis, points)
-        number += 1
         report(number, ROUNDS)
-        if found.trusted or number == ROUNDS:
-            return found
+        if found.trusted:
+            break
+        long = found.weighed.k_hat < LARGEST_K
         # A walker that stood still is one point, not two.
         new = np.sort(np.unique(drawn, axis=0, return_index=True)[1])[:MORE]
         z, misfits = np.concatenate([z, drawn[new]]), np.concatenate([misfits, fresh[new]])
+    assert found is not None
+    return found

@@ -30,7 +30,7 @@ class Bent:
     def laplace(self):
         """At the point where the first parameter is zero, as if the optimiser had ended there."""
         centre = np.zeros(SIZE)
-        slopes = self.slopes.copy()
+        slopes, information = self.slopes.copy(), np.eye(SIZE)
         for _ in range(20):
             misfit = self.misfits(centre[None])[0]
             slopes[:, 0] = self.slopes[:, 0] - 2.0 * self.bend * centre[0] * self.slopes[:, 1]

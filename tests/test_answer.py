@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,8 @@ def asked(monkeypatch):
 
     def ask(density, z, covariance, draws=None, before=None):
         kept = []
-        monkeypatch.setattr(module, "limb_posterior", lambda likelihood, optimum: density)
+        monkeypatch.setattr(module, "LimbPosterior", lambda likelihood, optimum: density)
+        monkeypatch.setattr(module, "interpolated", lambda *_, **__: SimpleNamespace(trusted=False))
         information = np.linalg.inv(covariance)
         optimum = Optimum(np.asarray(z), 1.0, True, 3, information, (1.0, 2.0))
         nothing: Any = None

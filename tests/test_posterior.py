@@ -38,7 +38,7 @@ def test_nuisances_are_integrated_out(likelihood, posterior):
     here = quadratic(likelihood, np.full(len(likelihood.parameters), 0.1))
     free, gradient = here.information[LIMB:, LIMB:], here.gradient[LIMB:]
     least = here.cost - gradient @ np.linalg.solve(free, gradient)
-    assert posterior(limb[None])[0] == pytest.approx(-0.5 * least, rel=1e-6)
+    assert posterior(limb[None])[0] == pytest.approx(-0.5 * least, rel=1e-5)  # two programs, one table
 
 
 def test_a_point_without_a_finite_density_is_ruled_out(posterior):

@@ -88,7 +88,7 @@ def test_pressure_is_said_to_be_the_priors(fitted):
 
 def test_report_holds_what_it_should(fitted):
     names = {path.name for path in fitted[1]}
-    assert {"fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png"} <= names
+    assert {"fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png", "report.html"} <= names
     for path in fitted[1]:
         assert path.stat().st_size > 1000
     report = json.loads(fitted[1][0].read_text())

@@ -13,18 +13,21 @@ STYLE = """
 body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: #fdfdfb; max-width: 62rem; margin: 2rem auto;
   padding: 0 1rem; }
 h1 { font-size: 1.6rem; line-height: 1.25; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
-h1, p, td, th, li, figcaption { overflow-wrap: anywhere; }
+h1, p, li, figcaption, table.words td { overflow-wrap: anywhere; }
 .result { font-size: 1.2rem; border-left: 0.3rem solid #0072b2; padding: 0.2rem 0 0.2rem 1rem; }
 .warning { color: #8a3000; } ul.warning { padding-left: 1.2rem; }
 .note { font-size: 0.9rem; color: #555; }
 table { border-collapse: collapse; font: 0.8rem/1.4 Helvetica, Arial, sans-serif; margin: 0.8rem 0;
   font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 0.6rem; border-bottom: 1px solid #ddd; text-align: right; vertical-align: top; }
+.numbers td { white-space: nowrap; }
+.numbers td:first-child { white-space: normal; overflow-wrap: anywhere; min-width: 12em; }
 th:first-child, td:first-child, table.words td, table.words th { text-align: left; }
 thead th { border-bottom: 2px solid #888; }
 .wide { overflow-x: auto; }
 figure { margin: 1.2rem 0; } img { max-width: 100%; height: auto; } figcaption { font-size: 0.9rem; color: #555; }
 summary { cursor: pointer; }
+@media print { details::details-content { content-visibility: visible; block-size: auto; } }
 @media print { body { background: white; margin: 0; max-width: none; font-size: 11px; }
   figure, tr { break-inside: avoid; } .wide { overflow: visible; } }
 """

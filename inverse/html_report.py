@@ -95,7 +95,8 @@ def _limb(fit: Fit) -> list[str]:
         table(["", *COLUMNS], rows),
         paragraph(
             "MAP and sd: at the optimum, by Laplace's approximation. Informed: the share of the prior's variance that "
-            "the photographs took away; below 50 % the number is more the prior's than theirs. *: an upper limit.",
+            "the photographs took away; below 50 % the number is more the prior's than theirs. *: an upper "
+            "limit. All of it holds if the air is the same all around the limb: the temperature's narrow interval above all.",
             "note",
         ),
     ]
@@ -130,8 +131,8 @@ def _learnt(diagnostics: Mapping[str, Any]) -> list[str]:
         for pair in known["correlations"]["within_limb"] + known["correlations"]["limb_with_nuisance"]
     ]
     kernel = [
-        [name, *(f"{value:+.2f}" for value in row)]
-        for name, row in zip(names, known["averaging_kernel"]["rows"], strict=True)
+        [f"{number} {name}", *(f"{value:+.2f}" for value in row)]
+        for number, (name, row) in enumerate(zip(names, known["averaging_kernel"]["rows"], strict=True), 1)
     ]
     share = [
         [name, f"{each[name]['informed']:.2f}", f"{each[name]['bits']:.1f}",
@@ -146,7 +147,7 @@ def _learnt(diagnostics: Mapping[str, Any]) -> list[str]:
         table(["", "correlation"], pairs),
         folded(
             "Averaging kernel: how far the answer (row) moves when the truth (column) moves by one sd of the prior",
-            table(["", *names], kernel),
+            table(["", *(str(number) for number in range(1, len(names) + 1))], kernel),
         ),
     ]
 
@@ -185,9 +186,9 @@ def _errors(fit: Fit) -> list[str]:
 
 
 def _drawing(diagnostics: Mapping[str, Any]) -> list[str]:
-    method = diagnostics.get("method", "laplace")
+    method = str(diagnostics.get("method", "laplace"))
     rows = [[name, value] for key in ("psis", "sampler") for name, value in _flat(diagnostics.get(key) or {}, key)]
-    rows += [
+    others = [
         [name, value]
         for key in ("converged", "steps", "costs_of_starts", "condition_number", "residual_rms", "cells", "seconds")
         if key in diagnostics
@@ -196,7 +197,8 @@ def _drawing(diagnostics: Mapping[str, Any]) -> list[str]:
     return [
         heading("How the posterior was found"),
         paragraph(METHODS.get(method, method)),
-        folded("Diagnostics", table([], rows, "words")),
+        table([], rows, "words") if rows else "",
+        folded("The optimum", table([], others, "words")),
     ]
 
 

@@ -73,12 +73,15 @@ def in_words(information: dict[str, Any]) -> str:
     """The information in two sentences."""
     freedom, bits = information["degrees_of_freedom"], information["bits"]
     count = len(information["averaging_kernel"]["parameters"])
-    everything, pairs = len(information["parameters"]), information["correlations"]["within_limb"]
-    tied = "; ".join(f"{' and '.join(pair['names'])} ({pair['coefficient']:+.2f})" for pair in pairs)
+    pairs = information["correlations"]
+    tied = "; ".join(
+        f"{' and '.join(pair['names'])} ({pair['coefficient']:+.2f})"
+        for pair in (*pairs["within_limb"][:2], *pairs["limb_with_nuisance"][:1])
+    )
     return (
         f"The photographs fix {freedom['limb']:.1f} of the {count} quantities of the limb ({bits['limb']:.1f} bits), "
-        f"and with the nuisances {freedom['total']:.1f} of {everything} ({bits['total']:.1f} bits). "
-        f"Told apart least (correlation): {tied}."
+        f"and with the nuisances {freedom['total']:.1f} of {len(information['parameters'])} "
+        f"({bits['total']:.1f} bits). Hardest to tell apart (correlation): {tied}."
     )
 
 
@@ -87,8 +90,8 @@ def independent_in_words(independent: dict[str, Any]) -> str:
     dust = independent["dust.extinction"]
     return (
         f"Were the errors independent from cell to cell, the sd of the dust would be {dust['sd_independent']:.2g} /m "
-        f"instead of {dust['sd']:.2g} /m: a check of how much the intervals owe to smooth errors of the model, which "
-        "the usual assumption leaves out; not an error to be quoted."
+        f"instead of {dust['sd']:.2g} /m ({dust['ratio']:.2f} times as much). The comparison is there to show what "
+        "the intervals owe to smooth errors of the model, which are usually left out; it is not an error to be quoted."
     )
 
 

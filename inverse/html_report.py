@@ -96,7 +96,7 @@ def _limb(fit: Fit) -> list[str]:
         paragraph(
             "MAP and sd: at the optimum, by Laplace's approximation. Informed: the share of the prior's variance that "
             "the photographs took away; below 50 % the number is more the prior's than theirs. *: an upper "
-            "limit. All of it holds if the air is the same all around the limb: the temperature's narrow interval above all.",
+            "limit. All of it, the temperature's narrow interval above all, supposes the same air all around the limb.",
             "note",
         ),
     ]

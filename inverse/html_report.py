@@ -83,7 +83,7 @@ def doubts(fit: Fit) -> list[str]:
     found = [] if fit.diagnostics.get("converged", True) else ["The optimiser did not converge."]
     errors, checks = fit.diagnostics.get("errors", ()), fit.diagnostics.get("misfit_checks", ())
     for photo, error, check in zip(fit.photos, errors, checks, strict=False):
-        sentence = unexplained(photo.name, error["smooth"], check)
+        sentence = unexplained(photo.name, error, check)
         found += [] if sentence is None else [sentence]
     return found
 

@@ -89,9 +89,10 @@ def independent_in_words(independent: dict[str, Any]) -> str:
     """What the comparison with independent errors is for, and its result for the dust."""
     dust = independent["dust.extinction"]
     return (
-        f"Were the errors independent from cell to cell, the sd of the dust would be {dust['sd_independent']:.2g} /m "
-        f"instead of {dust['sd']:.2g} /m ({dust['ratio']:.2f} times as much). The comparison is there to show what "
-        "the intervals owe to smooth errors of the model, which are usually left out; it is not an error to be quoted."
+        "Were errors of the same size independent from cell to cell, the sd of the dust would be "
+        f"{dust['sd_independent']:.2g} /m; it is {dust['sd']:.2g} /m, {dust['ratio']:.2f} times as much. This shows what "
+        "the intervals owe to errors that hang together over the disc, which is usually left out; the sd under "
+        "independent errors is not one to be quoted."
     )
 
 

@@ -8,6 +8,7 @@ same misfits, and outliers given less weight: a chi-squared near its expectation
 that only the priors of those sizes held them back.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from scipy.stats import chi2
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum
 
-UNEXPLAINED = 0.25  # smooth error above which a model does not explain a photograph
+# Amplitude of smooth errors above which a model does not explain a photograph: 2.5 times what is thought beforehand.
+UNEXPLAINED = {"smooth": 0.25, "chromatic": 0.10}
+PATCHES = {"smooth": "it is wrong by", "chromatic": "its colours are wrong by"}
 IMPROBABLE = 0.01  # probability of misfits as large, below which it does not either
 RULED = 1.0 / np.sqrt(2.0) - 1.0  # `Whitener.shrink` of a pattern whose smooth and independent variance are equal
 
@@ -54,17 +57,17 @@ def _check(misfit: np.ndarray, slopes: np.ndarray, covariance: np.ndarray, count
     return {"chi_squared": value, "effective_data": expected, "per_datum": value / expected, "p": p}
 
 
-def unexplained(name: str, smooth: float, check: dict[str, Any]) -> str | None:
+def unexplained(name: str, errors: Mapping[str, float], check: Mapping[str, Any]) -> str | None:
     """The sentence for a photograph that the model does not explain; None where it does.
 
-    - `smooth`: amplitude of the smooth errors found; `check`: of `misfit_checks`.
+    - `errors`: amplitudes of the `smooth` and `chromatic` errors found; `check`: of `misfit_checks`.
     """
     begin = f"This model cannot explain {name}: "
-    if smooth > UNEXPLAINED:
-        return begin + (
-            f"it is wrong by {100 * smooth:.0f} % in patches as large as a mare, and the intervals were widened by as "
-            "much."
-        )
+    wrong = [
+        f"{words} {100 * errors[kind]:.0f} %" for kind, words in PATCHES.items() if errors[kind] > UNEXPLAINED[kind]
+    ]
+    if wrong:
+        return f"{begin}{' and '.join(wrong)} in patches as large as a mare, and the intervals were widened by as much."
     if check["p"] < IMPROBABLE:
         worse = max(("all", "smooth"), key=lambda which: -check[which]["p"])
         what = {"all": "the misfits", "smooth": "the smooth misfits"}[worse]

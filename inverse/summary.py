@@ -189,7 +189,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
     for item, errors, check in zip(evidence, diagnostics["errors"], diagnostics["misfit_checks"], strict=True):
-        sentence = unexplained(item.name, errors["smooth"], check)
+        sentence = unexplained(item.name, errors, check)
         sentences += [] if sentence is None else [sentence]
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:

@@ -106,17 +106,8 @@ def test_the_numbers_are_there(hostile):
             assert f"{low:.3g} … {high:.3g}" in said
         assert f"{100 * estimate.informed:.0f} %" in said
     assert f"optical depth of {depth.median:.2g}" in said and "Pinatubo" in said and "0.1 to 0.15" in said
-    for words in (
-        "12.3 %",
-        "3.7 %",
-        "0.83",
-        "1.01 of 2871",
-        "1.01 of 91",
-        "5.2e-08 /m",
-        "instead of",
-        "4321",
-        "c0ffee",
-    ):
+    told = "12.3 %", "3.7 %", "0.83", "1.01 of 2871", "1.01 of 91", "5.2e-08 /m", "7.88 times as much", "4321", "c0ffee"
+    for words in told:
         assert words in said
     assert "bits" in said and "Averaging kernel" in said and "prior-dominated" not in said.split("Averaging")[1]
     assert "sampler: r_hat" in said and "seed" in said and "nuisances" in said
@@ -148,14 +139,14 @@ def test_the_plain_sentence_knows_limits_and_what_is_only_believed():
 def test_doubts_stand_under_the_result():
     fit = diagnosed(fake_fit())
     assert doubts(fit) == []
-    lost = {**fit.diagnostics, "converged": False, "errors": [{"independent": 1.0, "smooth": 0.4, "chromatic": 0.1}]}
+    lost = {**fit.diagnostics, "converged": False, "errors": [{"independent": 1.0, "smooth": 0.4, "chromatic": 0.05}]}
     said = html_report(replace(fit, diagnostics=lost))
     assert said.count("Do not rely on this number.") == 2 and "wrong by 40 %" in said
 
 
 def test_the_command_prints_how_much_was_learnt():
     text = text_report(diagnosed(fake_fit()))
-    assert "quantities of the limb" in text and "instead of 4.1e-07 /m" in text
+    assert "quantities of the limb" in text and "it is 4.1e-07 /m" in " ".join(text.split())
     assert max(map(len, text.split("\n\n")[2].splitlines())) <= 110
 
 

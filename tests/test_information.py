@@ -17,6 +17,7 @@ from tests.test_map_estimate import Straight
 
 LABELS = [*(parameter.name for parameter in prior.ATMOSPHERE), "1.gain", "1.clock"]
 COUNT = len(LABELS)
+FOUND = {"smooth": 0.1, "chromatic": 0.04}
 
 
 def optimum_of(covariance) -> Optimum:
@@ -101,7 +102,7 @@ def test_independent_errors_of_the_same_size_are_compared_at_the_same_optimum():
         assert one["sd_independent"] == pytest.approx(unit * np.sqrt(alone[index, index]), rel=1e-6)
         assert one["sd"] == pytest.approx(unit * np.sqrt(optimum.covariance[index, index]), rel=1e-6)
         assert one["ratio"] == pytest.approx(one["sd"] / one["sd_independent"])
-    assert "instead of" in independent_in_words(said)
+    assert "times as much" in independent_in_words(said)
 
 
 def checked(**given):
@@ -124,11 +125,12 @@ def test_misfits_too_large_are_a_verdict():
     noisy, patchy = checked(error=1.3), checked(patchy=3.0)
     assert noisy["p"] < 1e-3 and patchy["p"] < 1e-3
     assert patchy["smooth"]["per_datum"] > 3 and patchy["smooth"]["effective_data"] <= 8
-    noisy_words, patchy_words = (unexplained("a.jpg", 0.1, one) for one in (noisy, patchy))
+    noisy_words, patchy_words = (unexplained("a.jpg", FOUND, one) for one in (noisy, patchy))
     assert noisy_words is not None and "the misfits are 1." in noisy_words
     assert patchy_words is not None and "the smooth misfits are" in patchy_words
-    assert unexplained("a.jpg", 0.1, checked()) is None
-    assert "wrong by 40 %" in str(unexplained("a.jpg", 0.4, checked()))
+    assert unexplained("a.jpg", FOUND, checked()) is None
+    assert "it is wrong by 40 % in" in str(unexplained("a.jpg", {"smooth": 0.4, "chromatic": 0.04}, checked()))
+    assert "colours are wrong by 24 % in" in str(unexplained("a.jpg", {"smooth": 0.1, "chromatic": 0.24}, checked()))
 
 
 def test_verdict_stands_among_the_warnings():
@@ -139,7 +141,7 @@ def test_verdict_stands_among_the_warnings():
         name: replace(estimate, informed=0.9, ci95=(1.0, 2.0), prior_ci95=(0.1, 9.0))
         for name, estimate in fake_fit().estimates.items()
     }
-    diagnostics = {"converged": True, "errors": [{"smooth": 0.1}], "sampler": None, "misfit_checks": [checked()]}
+    diagnostics = {"converged": True, "errors": [FOUND], "sampler": None, "misfit_checks": [checked()]}
     assert warnings_of(evidence, found, diagnostics) == []
     [sentence] = warnings_of(evidence, found, {**diagnostics, "misfit_checks": [checked(error=1.3)]})
     assert sentence.startswith("This model cannot explain a.jpg")

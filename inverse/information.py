@@ -90,8 +90,8 @@ def independent_in_words(independent: dict[str, Any]) -> str:
     dust = independent["dust.extinction"]
     return (
         "Were errors of the same size independent from cell to cell, the sd of the dust would be "
-        f"{dust['sd_independent']:.2g} /m; it is {dust['sd']:.2g} /m, {dust['ratio']:.2f} times as much. This shows what "
-        "the intervals owe to errors that hang together over the disc, which is usually left out; the sd under "
+        f"{dust['sd_independent']:.2g} /m; it is {dust['sd']:.2g} /m, {dust['ratio']:.2f} times as much. This shows "
+        "what the intervals owe to errors that hang together over the disc, which is usually left out; the sd under "
         "independent errors is not one to be quoted."
     )
 

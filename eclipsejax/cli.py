@@ -4,14 +4,18 @@ from collections.abc import Sequence
 from functools import partial
 
 from eclipsejax import session
-from eclipsejax.commands import gallery, listing, movie, render, texture
+from eclipsejax.commands import doctor, gallery, listing, movie, render, texture
 
-COMMANDS = (listing, render, movie, texture, gallery)
+COMMANDS = (listing, render, movie, texture, gallery, doctor)
+UNWELL = 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    return session.run("eclipsejax", partial(_command, arguments))
+    """Run the command; returns its exit status: 0, 2 for what cannot be used, 1 for a self-test that failed."""
+    try:
+        return session.run("eclipsejax", partial(_command, arguments))
+    except doctor.Unwell:
+        return UNWELL
 
 
 def _command(arguments: Sequence[str] | None) -> None:

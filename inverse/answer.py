@@ -16,8 +16,9 @@ from inverse.importance import Importance, importance
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
-from inverse.posterior import limb_posterior
+from inverse.posterior import LimbPosterior
 from inverse.result import NEAR_ZERO
+from inverse.surrogate import interpolated
 
 FITTED = ("independent", "smooth", "chromatic", "outlying")  # of the `Errors`
 MOST_DRAWS = 256_000
@@ -28,11 +29,11 @@ LAPLACE_DRAWS = 400
 class Answer:
     """Draws of the limb's parameters, and how they came about.
 
-    - `method`: "laplace", "laplace+psis" or "emcee".
+    - `method`: "laplace", "laplace+psis", "emcee+psis" (on a surrogate, weighed by the posterior) or "emcee".
     - `z`: (chain, draw, parameter), burn-in removed; the walkers of one ensemble follow each other.
     - `log_posterior`: (chain, draw); None for Laplace's Gaussian.
     - `weighed`: the importance sampling, where it was tried.
-    - `chain`, `diagnosis`: of the ensembles, where they were needed.
+    - `chain`, `diagnosis`: of the ensembles, where they were needed; by "emcee+psis" those of the surrogate.
     """
 
     method: str
@@ -78,8 +79,9 @@ def answer(
 ) -> Answer:
     """Draw from the posterior about an optimum.
 
-    Importance sampling only where k-hat is below 0.7 and the dust away from zero: beside zero the posterior is
-    one-sided, and the weights do not tell.
+    Importance sampling by Laplace's Gaussian only where k-hat is below 0.7 and the dust away from zero: beside zero the
+    posterior is one-sided, and the weights do not tell. Then ensembles on a surrogate (`inverse.surrogate`); and on the
+    posterior itself where the surrogate fails, or draws were asked for.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
@@ -91,7 +93,7 @@ def answer(
         factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
         normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, size))
         return Answer("laplace", (centre + normal @ factor.T)[None])
-    density = limb_posterior(likelihood, optimum)
+    density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)
     weighed = None
@@ -101,6 +103,13 @@ def answer(
         progress("weighing", 1, 1)
         if before is None and weighed.trusted and away_from_zero(centre[0], float(np.sqrt(covariance[0, 0]))):
             return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
+        if before is None:
+            found = interpolated(
+                density, centre, covariance, seed=seed, report=lambda done, most: progress("interpolating", done, most)
+            )
+            if found.trusted:
+                z, value = found.weighed.z[None], found.weighed.log_posterior[None]
+                return Answer("emcee+psis", z, value, found.weighed, found.chain, found.diagnosis)
     chain = sample(
         density, centre, covariance, draws=draws or MOST_DRAWS, seed=seed, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),

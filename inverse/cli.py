@@ -7,6 +7,7 @@ from pathlib import Path
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
+from inverse import archive_command
 
 DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"
 DEMO_DISC, DEMO_TIME, DEMO_SITE = 4, "2022-05-16T04:06:00Z", (-10.944, -37.056)
@@ -15,7 +16,7 @@ NOT_CONVERGED = 3
 
 
 class NotConverged(Exception):
-    """The optimiser gave up; the report was written all the same."""
+    """The optimiser gave up, once at least; what it found was written all the same."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,7 +28,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _command(arguments: Sequence[str] | None) -> None:
+    session.one_blas_thread()
     options = _parser().read(arguments)
+    if options.archive is not None:
+        if not archive_command.archive(options):
+            raise NotConverged
+        return
     if bool(options.photographs) == options.demo:
         raise InputError("Name photographs of one eclipse, or give --demo for an example (see fit_atmosphere --help).")
     out = Path(options.out)
@@ -88,6 +94,7 @@ def _parser() -> session.Arguments:
     )
     add("--seed", type=int, default=0, metavar="N", help="of the sampler")
     add("--resume", action="store_true", help="go on with the sampling that was interrupted, from chain.h5 in DIR")
+    archive_command.add_to(parser)
     return parser
 
 

@@ -98,6 +98,9 @@ def tiff(path: Path) -> Decoded:
             raise ValueError("it holds no picture")
         page = max(pages, key=lambda page: page.imagelength * page.imagewidth * (not page.is_reduced))
         check_size(path, page.imagelength, page.imagewidth)
+        samples = page.samplesperpixel * page.imagedepth
+        if samples > 5:  # CMYK with opacity; a damaged header has thousands, and memory for them would be taken
+            raise ValueError(f"it has {samples} channels")
         curve, primaries = tone.profile(page.tags.valueof("InterColorProfile"))
         if int(page.photometric) == _LINEAR_RAW:
             curve = tone.linear
@@ -115,13 +118,13 @@ def tiff(path: Path) -> Decoded:
     if values.dtype in (np.uint8, np.uint16):
         values, full_scale = _over_black(values), float(np.iinfo(values.dtype).max)
         return Decoded(values, given, "TIFF", "srgb", curve, primaries, full_scale=full_scale)
-    if np.issubdtype(values.dtype, np.integer):
-        full_scale, step = float(np.iinfo(values.dtype).max), 1.0
-    else:
-        full_scale, step = scale_of_floats(values), 0.0
     if values.shape[2] in (2, 4):
         values = values[..., :-1]
-    values = values.astype(np.float32)
+    kind, values = values.dtype, values.astype(np.float32)
+    if np.issubdtype(kind, np.integer):
+        full_scale, step = float(np.iinfo(kind).max), 1.0
+    else:
+        full_scale, step = scale_of_floats(values), 0.0
     return Decoded(values, given, "TIFF", "linear", None, primaries, full_scale=full_scale, step=step)
 
 

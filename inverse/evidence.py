@@ -64,19 +64,24 @@ def gather(
     paths: Sequence,
     *,
     time: str | Sequence[str] | None,
-    site: tuple | None,
-    disc: int | None,
+    site: tuple | list[tuple | None] | None,
+    disc: int | list[int | None] | None,
     progress: Callable[[str, int, int], None],
 ) -> list[Evidence]:
-    """Read and register every photograph; the arguments are those of `fit_atmosphere`."""
+    """Read and register every photograph; the arguments are those of `fit_atmosphere`.
+
+    - `site`, `disc`: of all, or a list with one for each.
+    """
     if not paths:
         raise InputError("There is nothing to fit: name at least one photograph.")
     photos = [read_profile(path) if str(path).lower().endswith(".csv") else read_photo(path) for path in paths]
     times = times_of(photos, time)
     one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
+    sites = site if isinstance(site, list) else [site] * len(photos)
+    discs = disc if isinstance(disc, list) else [disc] * len(photos)
     found = []
-    for number, (photo, utc) in enumerate(zip(photos, times, strict=True), 1):
-        found.append(_place(photo, utc, site, disc, one_clock))
+    for number, item in enumerate(zip(photos, times, sites, discs, strict=True), 1):
+        found.append(_place(*item, one_clock))
         progress("registering", number, len(photos))
     return found
 

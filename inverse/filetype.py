@@ -5,9 +5,11 @@ Each reader checks the size in the header before it decodes a pixel.
 """
 
 import logging
+import os
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import tifffile
@@ -25,6 +27,7 @@ _RAW_SUFFIXES = frozenset(
     ).split()
 )
 _FITS_SUFFIXES = frozenset((".fits", ".fit", ".fts"))
+SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".tif", ".tiff")) | _FITS_SUFFIXES | _RAW_SUFFIXES
 _RAW_HEADS = (b"FUJIFILMCCD-RAW", b"IIU\0", b"IIRO", b"IIRS", b"MMOR", b"FOVb")
 _TIFF_HEADS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _DNG_VERSION = 50706
@@ -37,7 +40,7 @@ def decode(path: Path, head: bytes) -> Decoded:
     """Decodes `path`, whose first bytes are `head`; `InputError` where that cannot be done."""
     name, reader = _kind(path, head)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _no_words_on_stderr():
             warnings.simplefilter("ignore")  # Pillow's on size, tifffile's and astropy's on sloppy headers
             return reader(path)
     except InputError:
@@ -54,6 +57,23 @@ def decode(path: Path, head: bytes) -> Decoded:
         raise InputError(
             f"{path} cannot be read as {name}: it is damaged, cut short or of a rare kind ({reason})."
         ) from None
+
+
+@contextmanager
+def _no_words_on_stderr() -> Iterator[None]:
+    """libtiff and LibRaw write of a damaged file to the process's stderr: what is wrong is said in one sentence."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is none
+        yield
+        return
+    try:
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _kind(path: Path, head: bytes) -> tuple[str, Callable[[Path], Decoded]]:

@@ -58,11 +58,25 @@ def importance(
     if k_hat < LARGEST_K and DRAWS < wanted <= MOST_DRAWS:
         normal, value = more(wanted - DRAWS)
         weight, k_hat = _weights(value + 0.5 * np.sum(normal**2, axis=1))
+    return _resampled(centre + normal @ factor.T, value, weight, k_hat, random)
+
+
+def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, random) -> Importance:
+    """Draws of a chain on another density, weighed by the posterior.
+
+    - `z`: (draw, parameter); `log_posterior`, `log_proposal`: (draw,).
+    - `random`: NumPy's generator.
+    """
+    weight, k_hat = _weights(log_posterior - log_proposal)
+    return _resampled(z, log_posterior, weight, k_hat, random)
+
+
+def _resampled(z, value, weight, k_hat, random) -> Importance:
     # Systematic resampling: less noise than independent picks.
     place = (np.arange(len(weight)) + random.uniform()) / len(weight)
     chosen = np.minimum(np.searchsorted(np.cumsum(weight), place), len(weight) - 1)
     chosen = random.permutation(chosen)
-    return Importance(centre + normal[chosen] @ factor.T, value[chosen], k_hat, float(1.0 / np.sum(weight**2)))
+    return Importance(z[chosen], value[chosen], k_hat, float(1.0 / np.sum(weight**2)))
 
 
 def _weights(log_ratio: np.ndarray) -> tuple[np.ndarray, float]:

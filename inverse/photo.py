@@ -24,6 +24,7 @@ _UNKNOWN_ISO = 800.0
 
 _ENCODED_SATURATION = 252 / 255  # the shoulder of a tone curve bends the last few codes
 _LINEAR_SATURATION = 0.98
+_BEYOND = np.float32(1e6)  # full scales, more than any picture has
 _BLACK_CODE = 1  # codes 0 and 1 hold whatever was too dark for the file
 
 
@@ -150,8 +151,9 @@ def _light(decoded: Decoded, curve: tone.Curve) -> tuple[np.ndarray, np.ndarray,
             variance[..., i] = table.astype(np.float32)[values[..., i]]
         top = _LINEAR_SATURATION if curve is tone.linear else _ENCODED_SATURATION
         return pixels, variance, values >= top * decoded.full_scale, values <= _BLACK_CODE
-    finite = np.isfinite(values)
-    scaled = np.where(finite, values, 0) / np.float32(decoded.full_scale)
+    with np.errstate(all="ignore"):  # absurd headers make absurd scales
+        scaled = values / np.float32(decoded.full_scale)
+    scaled = np.clip(np.where(np.isfinite(scaled), scaled, 0), -_BEYOND, _BEYOND)
     pixels = np.array(np.broadcast_to(curve(scaled), shape), dtype=np.float32)
     # The slope of the curve is left out: what is not linear here has no steps.
     variance = (rounding / decoded.full_scale**2 + _sensor_noise(pixels, electrons)) / averaged

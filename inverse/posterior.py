@@ -3,12 +3,12 @@
 The nuisances of the photographs are marginalised to first order about the optimum: with G their whitened slopes there
 and b the whitened misfits less what the nuisances at the optimum did, the log density is
 
-    -1/2 (b b - b G (1 + G G)^-1 G b)
+    -1/2 b (1 + G G')^-1 b
 
 A sampler then sees only the atmosphere, and the geometry of the photographs stands still.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -20,41 +20,51 @@ from jaxtyping import Array, Float
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
+from inverse.noise import whitener
 from inverse.photo_model import PhotoModel, ProfileModel
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
 
-Density = Callable[[np.ndarray], np.ndarray]
 
+class LimbPosterior:
+    """Log posterior of the limb up to a constant, the nuisances marginalised about an optimum."""
 
-def limb_posterior(likelihood: Likelihood, optimum: Optimum) -> Density:
-    """Log posterior up to a constant (draw,) of points z of the limb (draw, parameter); -inf where not finite."""
-    count = len(likelihood.parameters) - LIMB
-    slopes = likelihood.misfits_and_slopes(optimum.z)
-    information = np.eye(count)
-    whitened, stills = [], []
-    for number, (_, by) in enumerate(slopes):
-        place = likelihood.places[number]
-        white = likelihood.errors[number].whitener
-        by = white(by[:, LIMB:])
-        information[np.ix_(place - LIMB, place - LIMB)] += by.T @ by
-        whitened.append((white, by, by @ optimum.z[place], place - LIMB))
-        stills.append(Still.of(likelihood, number, optimum.z[place]))
-    factor = np.linalg.cholesky(information)
+    def __init__(self, likelihood: Likelihood, optimum: Optimum):
+        self.likelihood = likelihood
+        count = len(likelihood.parameters) - LIMB
+        slopes, self.shifts = [], []
+        for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
+            place = likelihood.places[number]
+            by = likelihood.errors[number].whitener(by[:, LIMB:])
+            everywhere = np.zeros((len(by), count))
+            everywhere[:, place - LIMB] = by
+            slopes.append(everywhere)
+            self.shifts.append(by @ optimum.z[place])
+        stacked = np.concatenate(slopes)
+        self.nuisances = whitener(np.ones(len(stacked)), stacked)
+        self.stills = [Still.of(likelihood, n, optimum.z[place]) for n, place in enumerate(likelihood.places)]
 
-    def density(z: np.ndarray) -> np.ndarray:
-        entries = _entries(likelihood.shadow, jnp.asarray(z))
-        value = -0.5 * np.sum(z**2, axis=1)
-        along = np.zeros((count, len(z)))
-        for still, (white, by, shift, place) in zip(stills, whitened, strict=True):
-            b = white(np.asarray(still(likelihood.shadow, entries)).T) - shift[:, None]
-            value -= 0.5 * np.sum(b**2, axis=0)
-            np.add.at(along, place, by.T @ b)
-        value += 0.5 * np.sum(np.linalg.solve(factor, along) ** 2, axis=0)
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
+        value = np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)]
+        value = -0.5 * (value + np.sum(z**2, axis=1))
         return np.where(np.isfinite(value), value, -np.inf)
 
-    return batched(density)
+    def misfits(self, z: np.ndarray) -> np.ndarray:
+        """Whitened misfits (draw, datum): minus twice the log density is the sum of their squares and of those of z."""
+        return np.concatenate(list(self._parts(z)))[: len(z)]
+
+    def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
+        """Misfits, `BATCH` points at a time, the last ones repeated."""
+        padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
+        for part in np.split(padded, len(padded) // BATCH):
+            entries = _entries(self.likelihood.shadow, jnp.asarray(part))
+            each = [
+                errors.whitener(np.asarray(still(self.likelihood.shadow, entries)).T) - shift[:, None]
+                for still, errors, shift in zip(self.stills, self.likelihood.errors, self.shifts, strict=True)
+            ]
+            yield self.nuisances(np.concatenate(each)).T
 
 
 class Still(eqx.Module):
@@ -92,13 +102,3 @@ def _seen(model, nuisance):
 def _entries(shadow: Shadow, limb: Float[Array, "draw parameter"]):
     """Entries of the shadow's tables (draw, offset, 2, channel)."""
     return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=TOGETHER)
-
-
-def batched(density: Density) -> Density:
-    """The same density, called with no other number of points than `BATCH`."""
-
-    def value(z: np.ndarray) -> np.ndarray:
-        padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
-        return np.concatenate([density(part) for part in np.split(padded, len(padded) // BATCH)])[: len(z)]
-
-    return value

@@ -11,6 +11,8 @@ from inverse.decoded import MAXIMUM_PIXELS, Decoded, check_size, too_large
 from inverse.developed import scale_of_floats
 from inverse.exif import facts, facts_of_fits, positive, tags_of_file
 
+_MOST_UNITS = 100  # a small packed file can hold millions of empty ones, or one of terabytes
+_MOST_SKIPPED = 4e9  # bytes
 _SATURATION = 0.95  # of the white level: sensors are linear up to near it, and the last per cent are not
 
 
@@ -24,15 +26,20 @@ def fits(path: Path) -> Decoded:
         from astropy.io import fits as astropy_fits
     except ImportError:
         raise InputError(f"{path} is FITS, which needs astropy: pip install 'eclipsejax[fits]'.") from None
-    with astropy_fits.open(path) as units:
+    # Opened here: astropy leaves a file that it refuses open.
+    with path.open("rb") as file, astropy_fits.open(file, memmap=False) as units:
         unit: Any  # astropy annotates it as the list itself
-        for unit in units:
+        skipped = 0
+        for number, unit in enumerate(units, 1):
             header = unit.header
             shape = tuple(header.get(f"NAXIS{i}", 0) for i in range(header.get("NAXIS", 0), 0, -1))
             if isinstance(unit, astropy_fits.CompImageHDU):
                 shape = unit.shape
             if unit.is_image and len(shape) >= 2 and min(shape) > 0:
                 break
+            skipped += unit.size
+            if number == _MOST_UNITS or skipped > _MOST_SKIPPED:
+                raise InputError(f"{path} holds no image at its beginning: save the image in a file by itself.")
         else:
             raise InputError(f"{path} holds no image among its {len(units)} FITS units.")
         while len(shape) > 2 and shape[0] == 1:

@@ -88,7 +88,7 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
 
 def _worth(values: np.ndarray, answer: Answer) -> dict[str, float | None]:
     """What the draws of one quantity (chain, draw) are worth, for its `Estimate`."""
-    if answer.method == "laplace+psis" and answer.weighed is not None:
+    if answer.method.endswith("+psis") and answer.weighed is not None:
         return {"ess": answer.weighed.effective_samples}
     if answer.method != "emcee":
         return {}

@@ -13,6 +13,7 @@ from eclipsejax.camera import Camera, Exposure, ToneCurve, expose
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import geometry
 from eclipsejax.render import channel_weights, render
+from eclipsejax.scatterers import Scatterers
 from eclipsejax.scene import Scene
 
 UTC, SITE = "2022-05-16T03:45:00Z", (-10.944, -37.056)
@@ -30,7 +31,7 @@ def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = N
     where = geometry(UTC, *SITE)
     scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / RADIUS
     frame = {"shape": SHAPE, "scale": scale, "roll": np.radians(ROLL), "centre": CENTRE, "response": "nikon_5100"}
-    scene = Scene.at(UTC, *SITE, camera=Camera(**frame))
+    scene = Scene.at(UTC, *SITE, camera=Camera(**frame), scatterers=Scatterers())
     light = np.asarray(eqx.filter_jit(render)(scene, atmosphere, tolerance=1e-2))
     light = light / np.asarray(channel_weights(scene, 24)[1].sum(axis=0))  # white balance on the uneclipsed Moon
     gain = 0.8 / np.percentile(light[..., 0][light[..., 0] > 0], 99.5)

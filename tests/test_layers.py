@@ -15,7 +15,7 @@ ORDER = """
 constants errors traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight
 limb_table ring limb_shape limb_sectors shadow sky_cells sky_flux shadow_operator scatterers twilight scattered moon
 sky response camera almanac ephemeris scene shadow_table lopsided_table wavelengths render photometry umbra
-dust_of_brightness sequence movie movie_file texture figures session cli
+dust_of_brightness sequence movie movie_file texture figures selftest session cli
 """.split()
 # The same within the package of that name.
 FIGURES = """
@@ -27,9 +27,10 @@ HOMES = {
     "skimage": {f"inverse/{name}.py" for name in ("disc_search", "limb_fit", "orientation", "registration")},
     "emcee": {"inverse/ensemble.py"},
     "dask": {"inverse/archive.py"},
+    "distributed": {"inverse/archive.py"},
 }
 DRAWERS = {"eclipsejax/figures/page.py"} | {
-    f"inverse/{name}.py" for name in ("page", "comparison_plot", "corner_plot", "profile_plot")
+    f"inverse/{name}.py" for name in ("page", "comparison_plot", "corner_plot", "profile_plot", "archive_plot")
 }
 HEAVY = ("colour", "skimage", "matplotlib", "emcee", "skyfield", "dask", "scipy", "jax")
 

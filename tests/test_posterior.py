@@ -1,21 +1,48 @@
-"""A density for batches is the density, however many points there are."""
+"""The posterior of the limb is the joint one with the nuisances integrated out, however many points are asked for."""
 
 import numpy as np
+import pytest
 
-from inverse.posterior import BATCH, batched
+from inverse.catalogue import data_file
+from inverse.evidence import gather, prepare
+from inverse.likelihood import LIMB
+from inverse.map_estimate import Optimum, quadratic
+from inverse.posterior import BATCH, LimbPosterior
 
 
-def test_batches_of_any_length_give_what_single_points_give():
-    random = np.random.default_rng(0)
-    factor = random.standard_normal((3, 3))
-    counts = []
+@pytest.fixture(scope="module")
+def likelihood():
+    profile = data_file("2022-05-16-profile.csv")
+    return prepare(gather([profile], time=None, site=None, disc=None, progress=lambda *_: None))
 
-    def gaussian(z):
-        counts.append(len(z))
-        return -0.5 * np.sum((z @ factor.T) ** 2, axis=1)
 
-    density = batched(gaussian)
-    for count in (1, BATCH, 2 * BATCH + 5):
-        z = random.standard_normal((count, 3))
-        np.testing.assert_allclose(density(z), -0.5 * np.sum((z @ factor.T) ** 2, axis=1), rtol=1e-12)
-    assert set(counts) == {BATCH}
+@pytest.fixture(scope="module")
+def posterior(likelihood):
+    z = np.full(len(likelihood.parameters), 0.1)
+    return LimbPosterior(likelihood, Optimum(z, 0.0, True, 1, np.eye(z.size), ()))
+
+
+def test_batches_of_any_length_give_what_single_points_give(posterior):
+    z = 0.2 * np.random.default_rng(0).standard_normal((BATCH + 5, LIMB))
+    together = posterior(z)
+    assert together.shape == (BATCH + 5,)
+    for index in (0, BATCH, BATCH + 4):
+        assert posterior(z[index : index + 1])[0] == pytest.approx(together[index], rel=1e-9)
+    misfits = posterior.misfits(z)
+    np.testing.assert_allclose(together, -0.5 * (np.sum(misfits**2, axis=1) + np.sum(z**2, axis=1)), rtol=1e-9)
+
+
+def test_nuisances_are_integrated_out(likelihood, posterior):
+    """About the optimum the joint posterior is a Gaussian in them, whose integral is known."""
+    limb = np.full(LIMB, 0.1)
+    here = quadratic(likelihood, np.full(len(likelihood.parameters), 0.1))
+    free, gradient = here.information[LIMB:, LIMB:], here.gradient[LIMB:]
+    least = here.cost - gradient @ np.linalg.solve(free, gradient)
+    assert posterior(limb[None])[0] == pytest.approx(-0.5 * least, rel=1e-6)
+
+
+def test_a_point_without_a_finite_density_is_ruled_out(posterior):
+    z = np.zeros((2, LIMB))
+    z[1] = np.nan
+    value = posterior(z)
+    assert np.isfinite(value[0]) and value[1] == -np.inf

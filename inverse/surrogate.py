@@ -1,0 +1,120 @@
+"""A posterior that costs microseconds: interpolated between points where the real one was worked out.
+
+What is interpolated are not log densities but the misfits behind them, in the few directions that they move in over
+the posterior (principal components): those are nearly straight in the parameters, their squares are not. The chain is
+drawn from the interpolated posterior, and its draws are weighed by the real one, so that what remains of the error of
+interpolation is corrected, and seen in the weights.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from inverse.chain import Chain
+from inverse.diagnostics import Diagnosis, diagnose
+from inverse.ensemble import sample
+from inverse.importance import Importance, weighed
+from inverse.posterior import LimbPosterior
+
+FIRST, MORE = 900, 900  # points worked out: about Laplace's Gaussian, then along each chain
+STRETCH = 1.4  # of the Gaussian that the first are drawn from
+ROUNDS = 4
+COMPONENTS = 40  # at most
+LEFT_OUT = 1e-2  # of the squared misfit, mean over the points, that components may leave out
+CHAIN_DRAWS = 192_000  # at most
+WEIGHED = 2000  # of a chain's draws
+
+
+@dataclass(frozen=True)
+class Surrogate:
+    """Log posterior of the limb, interpolated.
+
+    - `centre`, `factor`: of the Gaussian whose deviates the points are given in.
+    - `misfits`: interpolates components of the misfit, and last the square of what they leave out.
+    """
+
+    centre: np.ndarray
+    factor: np.ndarray
+    misfits: RBFInterpolator
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Log densities (draw,) of points (draw, parameter)."""
+        *components, rest = self.misfits(np.linalg.solve(self.factor, (z - self.centre).T).T).T
+        return -0.5 * (np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0) + np.sum(z**2, axis=1))
+
+
+def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np.ndarray) -> Surrogate:
+    """Interpolate between points.
+
+    - `z`: (point, parameter); `misfits`: whitened, whose squares with those of z make the log density (point, datum).
+    """
+    first = misfits.mean(axis=0)
+    along = first / max(np.linalg.norm(first), 1e-300)
+    moving = misfits - np.outer(misfits @ along, along)
+    # Eigenvectors of the small product: the data are many times the points.
+    value, vector = np.linalg.eigh(moving @ moving.T)
+    value, vector = value[::-1], vector[:, ::-1]
+    left_out = (value.sum() - np.cumsum(value)) / len(z)
+    count = min(COMPONENTS, int(np.searchsorted(-left_out, -LEFT_OUT)) + 1, int(np.sum(value > 1e-12 * value[0])))
+    components = np.column_stack([misfits @ along, vector[:, :count] * np.sqrt(value[:count])])
+    rest = np.sum(misfits**2, axis=1) - np.sum(components**2, axis=1)
+    places = np.linalg.solve(factor, (z - centre).T).T
+    targets = np.column_stack([components, rest])
+    return Surrogate(centre, factor, RBFInterpolator(places, targets, kernel="cubic", degree=2))
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """Draws from the posterior by way of its surrogate.
+
+    - `weighed`: the chain's draws, weighed by the real posterior.
+    - `chain`, `diagnosis`: of the surrogate.
+    - `points`: where the real posterior was worked out, all in all.
+    """
+
+    weighed: Importance
+    chain: Chain
+    diagnosis: Diagnosis
+    points: int
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the chain ran its course and the weights are well-behaved."""
+        return self.weighed.trusted and self.diagnosis.converged
+
+
+def interpolated(
+    posterior: LimbPosterior,
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    *,
+    seed: int,
+    report: Callable[[int, int], None] = lambda done, most: None,
+) -> Interpolated:
+    """Sample a posterior through a surrogate, refined where its chain goes, until the weights can be trusted."""
+    random = np.random.default_rng(seed)
+    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(centre)))
+    z = centre + STRETCH * random.standard_normal((FIRST, len(centre))) @ factor.T
+    misfits = posterior.misfits(z)
+    points = len(z)
+    number = 0
+    while True:
+        known = np.isfinite(misfits).all(axis=1)
+        fast = surrogate(z[known], misfits[known], centre, factor)
+        chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS, seed=seed + number)
+        diagnosis = diagnose(chain.z)
+        drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
+        fresh = posterior.misfits(drawn)
+        points += len(drawn)
+        exact = -0.5 * (np.sum(fresh**2, axis=1) + np.sum(drawn**2, axis=1))
+        exact = np.where(np.isfinite(exact), exact, -np.inf)
+        found = Interpolated(weighed(drawn, exact, fast(drawn), random), chain, diagnosis, points)
+        number += 1
+        report(number, ROUNDS)
+        if found.trusted or number == ROUNDS:
+            return found
+        # A walker that stood still is one point, not two.
+        new = np.sort(np.unique(drawn, axis=0, return_index=True)[1])[:MORE]
+        z, misfits = np.concatenate([z, drawn[new]]), np.concatenate([misfits, fresh[new]])

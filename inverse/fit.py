@@ -14,8 +14,10 @@ from inverse.answer import Answer, answer, beginning, begun, identity
 from inverse.chain import Record, read_record
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
+from inverse.information import information, under_independent_errors
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, maximum
+from inverse.misfit_check import misfit_checks
 from inverse.noise_fit import fitted_errors
 from inverse.result import Fit
 from inverse.summary import estimates, photo_fit, provenance, warnings_of
@@ -140,6 +142,9 @@ def conclude(
             {"independent": errors.independent, "smooth": errors.smooth, "chromatic": errors.chromatic}
             for errors in likelihood.errors
         ],
+        "misfit_checks": misfit_checks(likelihood, optimum),
+        "information": information(optimum, likelihood.labels),
+        "independent_errors": under_independent_errors(likelihood, optimum),
         "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],

@@ -7,15 +7,21 @@ from pathlib import Path
 
 from inverse.comparison_plot import comparison
 from inverse.corner_plot import corner_plot
+from inverse.information import in_words, independent_in_words
 from inverse.page import drawn
 from inverse.profile_plot import profile_plot
 from inverse.result import Fit
 
 
 def text_report(fit: Fit) -> str:
-    """The result as the command prints it: the sentence, the table, the warnings."""
+    """The result as the command prints it: the sentence, the table, what was learnt, the warnings."""
     cautions = [textwrap.fill(f"Warning: {text}", 110, subsequent_indent="  ") for text in fit.warnings]
-    return "\n\n".join([fit.sentence(), fit.summary(), *(["\n".join(cautions)] if cautions else [])])
+    learnt = [
+        textwrap.fill(words(fit.diagnostics[key]), 110)
+        for key, words in (("information", in_words), ("independent_errors", independent_in_words))
+        if key in fit.diagnostics
+    ]
+    return "\n\n".join([fit.sentence(), fit.summary(), *learnt, *(["\n".join(cautions)] if cautions else [])])
 
 
 def write_pictures(fit: Fit, folder: str | Path, truths: Mapping[str, float] | None = None) -> list[Path]:

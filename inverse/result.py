@@ -162,7 +162,8 @@ class Fit:
         }
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write fit.json, posterior.nc and the pictures; returns what was written."""
+        """Write fit.json, posterior.nc, the pictures and report.html; returns what was written."""
+        from inverse.html_report import write_html
         from inverse.report import write_pictures
 
         folder = Path(folder)
@@ -171,7 +172,8 @@ class Fit:
             written = [folder / "fit.json", folder / "posterior.nc"]
             written[0].write_text(json.dumps(self.to_dict(), indent=2, default=_plain) + "\n")
             self.posterior.to_netcdf(str(written[1]))
-            return written + write_pictures(self, folder)
+            pictures = write_pictures(self, folder)
+            return [*written, *pictures, write_html(self, folder, pictures)]
         except OSError as error:
             raise InputError(
                 f"The report cannot be written to {folder}: {error.strerror or error}; give --out a folder."

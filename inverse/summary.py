@@ -11,16 +11,16 @@ import numpy as np
 from inverse import prior
 from inverse.answer import Answer, by_ensemble
 from inverse.diagnostics import autocorrelation_time, quality
+from inverse.information import NOT_INFORMED
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import shadow_light
 from inverse.map_estimate import Optimum
+from inverse.misfit_check import unexplained
 from inverse.photo_model import Disc, PhotoModel, signal, wings_at
 from inverse.result import Estimate, PhotoFit
 
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
 PICTURE = 240  # pixels along a side of the pictures in a report
-NOT_INFORMED = 0.5  # share of the prior's variance taken away, below which a quantity is the prior's
-UNEXPLAINED = 0.25  # smooth error above which a model does not explain a photograph
 
 
 def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_draws):
@@ -188,12 +188,9 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sentences = [remark for item in evidence for remark in item.remarks]
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
-    for item, errors in zip(evidence, diagnostics["errors"], strict=True):
-        if errors["smooth"] > UNEXPLAINED:
-            sentences.append(
-                f"This model cannot explain {item.name}: it is wrong by {100 * errors['smooth']:.0f} % in patches as "
-                "large as a mare, and the intervals were widened by as much."
-            )
+    for item, errors, check in zip(evidence, diagnostics["errors"], diagnostics["misfit_checks"], strict=True):
+        sentence = unexplained(item.name, errors, check)
+        sentences += [] if sentence is None else [sentence]
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(
@@ -220,9 +217,16 @@ def provenance(evidence, seed: int) -> dict:
     return {
         "eclipsejax": version("eclipsejax"),
         "jax": version("jax"),
+        "numpy": version("numpy"),
+        "scipy": version("scipy"),
         "seed": seed,
         "photographs": [
-            {"name": Path(item.photo.path).name, "sha256": item.photo.sha256, "utc": item.where.utc}
+            {
+                "name": Path(item.photo.path).name,
+                "sha256": item.photo.sha256,
+                "utc": item.where.utc,
+                "site": None if item.site is None else [float(value) for value in item.site],
+            }
             for item in evidence
         ],
     }

@@ -88,7 +88,7 @@ def test_pressure_is_said_to_be_the_priors(fitted):
 
 def test_report_holds_what_it_should(fitted):
     names = {path.name for path in fitted[1]}
-    assert {"fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png"} <= names
+    assert {"fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png", "report.html"} <= names
     for path in fitted[1]:
         assert path.stat().st_size > 1000
     report = json.loads(fitted[1][0].read_text())
@@ -96,6 +96,18 @@ def test_report_holds_what_it_should(fitted):
     assert set(dust) >= {"unit", "map", "sd", "median", "ci68", "ci95", "ess", "autocorrelation_time"}
     assert {"registration", "diagnostics", "warnings", "provenance"} <= set(report)
     assert report["provenance"]["seed"] == 3
+
+
+def test_a_photograph_made_by_the_model_is_explained_and_says_something(fitted):
+    diagnostics = json.loads(fitted[1][0].read_text())["diagnostics"]
+    [check] = diagnostics["misfit_checks"]
+    assert check["p"] > 0.01 and check["all"]["effective_data"] > 1000
+    assert not any("cannot explain" in words for words in fitted[0].warnings)
+    known = diagnostics["information"]
+    assert known["parameters"]["dust.extinction"]["informed"] > 0.5
+    assert known["parameters"]["air.surface_pressure"]["prior_dominated"]
+    assert 3 < known["degrees_of_freedom"]["limb"] < known["degrees_of_freedom"]["total"]
+    assert diagnostics["independent_errors"]["dust.extinction"]["ratio"] > 1
 
 
 def landscape(path):

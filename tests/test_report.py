@@ -211,7 +211,7 @@ def test_corner_shows_the_dust_once_and_the_best_informed():
     shown, left_out = shown_quantities(fit)
     assert len(shown) == 8 and shown[0] == "dust.extinction"
     assert "stratospheric_optical_depth" not in shown + left_out  # the same as alpha
-    assert left_out == ["air.surface_pressure"]  # 0.95 of the prior's width, the most of all
+    assert left_out == ["air.surface_pressure", "scattered.amplitude"]  # 0.95 of the prior's width, the most of all
     still = replace(fit, draws={**fit.draws, "clouds.top": np.full_like(fit.draws["clouds.top"], 7e3)})
     assert "clouds.top" not in sum(shown_quantities(still), [])
 

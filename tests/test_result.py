@@ -47,9 +47,9 @@ def test_saved_files_come_back_as_they_were(fit, tmp_path, monkeypatch):
     # A second run may write over the report of the first.
     with monkeypatch.context() as patch:
         patch.setattr("inverse.report.write_pictures", lambda fit, folder: [])
-        assert len(fake_fit(sampled=False).save(folder)) == 2
+        assert len(fake_fit(sampled=False).save(folder)) == 3
     paths = fit.save(folder)
-    names = ["fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png"]
+    names = ["fit.json", "posterior.nc", "fit.png", "profile.png", "corner.png", "report.html"]
     assert [path.name for path in paths] == names and all(path.stat().st_size > 1000 for path in paths)
     stored = json.loads(paths[0].read_text(), parse_constant=strict)
     assert stored["parameters"]["dust.extinction"]["median"] == fit.estimates["dust.extinction"].median

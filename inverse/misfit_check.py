@@ -1,0 +1,78 @@
+"""Whether a photograph could have come from the model with the errors that were found for it.
+
+The misfits at the optimum, multiplied by the inverse root of their covariance, are standard normal if it could. A fit
+takes its own degrees of freedom away: of n misfits n - trace(J S J') are left, J being their slopes and S the
+covariance of the posterior. Counted twice: over all of the data, and over the smooth patterns alone, where smooth
+errors exceed the independent ones: a model that fails does so smoothly. The sizes of the errors were fitted to these
+same misfits, and outliers given less weight: a chi-squared near its expectation proves little, one far above it says
+that only the priors of those sizes held them back.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from inverse.likelihood import Likelihood
+from inverse.map_estimate import Optimum
+
+# Amplitude of smooth errors above which a model does not explain a photograph: 2.5 times what is thought beforehand.
+UNEXPLAINED = {"smooth": 0.25, "chromatic": 0.10}
+PATCHES = {"smooth": "it is wrong by", "chromatic": "its colours are wrong by"}
+IMPROBABLE = 0.01  # probability of misfits as large, below which it does not either
+RULED = 1.0 / np.sqrt(2.0) - 1.0  # `Whitener.shrink` of a pattern whose smooth and independent variance are equal
+
+
+def misfit_checks(likelihood: Likelihood, optimum: Optimum) -> list[dict[str, Any]]:
+    """For each photograph, for `Fit.diagnostics`.
+
+    In each: `all` and `smooth`, with the `chi_squared` found, the `effective_data` it is expected to be,
+    `per_datum`, their ratio, and `p`, the probability of more; `p` is that of the smaller of both, times two.
+    """
+    covariance = optimum.covariance
+    found = []
+    for number, (misfit, slopes) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
+        white = likelihood.errors[number].whitener
+        columns = likelihood.columns(number)
+        misfit, slopes = white(misfit), white(slopes)
+        patterns = white.basis[:, white.shrink < RULED]
+        block = covariance[np.ix_(columns, columns)]
+        every = _check(misfit, slopes, block, float(np.sum(np.asarray(likelihood.usable[number]) > 0)))
+        smooth = _check(patterns.T @ misfit, patterns.T @ slopes, block, float(patterns.shape[1]))
+        found.append({"all": every, "smooth": smooth, "p": min(1.0, 2.0 * min(every["p"], smooth["p"]))})
+    return found
+
+
+def _check(misfit: np.ndarray, slopes: np.ndarray, covariance: np.ndarray, count: float) -> dict[str, float]:
+    """Chi-squared of whitened misfits (datum,) of which `count` can vary.
+
+    Its variance is a little below twice its expectation, which is taken here: p errs towards belief.
+    """
+    expected = count - float(np.sum((slopes @ covariance) * slopes))
+    value = float(misfit @ misfit)
+    if expected < 1.0:  # as many parameters as data: nothing is left to judge by
+        return {"chi_squared": value, "effective_data": expected, "per_datum": 1.0, "p": 1.0}
+    p = float(chi2.sf(value, expected))
+    return {"chi_squared": value, "effective_data": expected, "per_datum": value / expected, "p": p}
+
+
+def unexplained(name: str, errors: Mapping[str, float], check: Mapping[str, Any]) -> str | None:
+    """The sentence for a photograph that the model does not explain; None where it does.
+
+    - `errors`: amplitudes of the `smooth` and `chromatic` errors found; `check`: of `misfit_checks`.
+    """
+    begin = f"This model cannot explain {name}: "
+    wrong = [
+        f"{words} {100 * errors[kind]:.0f} %" for kind, words in PATCHES.items() if errors[kind] > UNEXPLAINED[kind]
+    ]
+    if wrong:
+        return f"{begin}{' and '.join(wrong)} in patches as large as a mare, and the intervals were widened by as much."
+    if check["p"] < IMPROBABLE:
+        worse = max(("all", "smooth"), key=lambda which: -check[which]["p"])
+        what = {"all": "the misfits", "smooth": "the smooth misfits"}[worse]
+        return begin + (
+            f"even with the errors found for it, {what} are {check[worse]['per_datum']:.2f} times the expected "
+            f"chi-squared (p = {check['p']:.1g}), so that the intervals are too narrow."
+        )
+    return None

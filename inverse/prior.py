@@ -80,10 +80,10 @@ PHOTOGRAPH = (
     Parameter("clock", "s", "normal", 0.0, 60.0, "of the camera, or of who wrote the time down"),
 )
 TONE = (
-    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.25, "picture styles, relative to sRGB's own curve"),
+    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.15, "picture styles, relative to sRGB's own curve"),
     Parameter("tone.toe", "full scale", "lognormal", 0.01, 1.0, "darkening of shadows by contrast curves"),
     Parameter("tone.black", "full scale", "normal", 0.0, 0.001, "what the camera takes for black"),
-    Parameter("tone.shoulder", "-", "lognormal", 0.5, 1.3, "compression of highlights"),
+    Parameter("tone.shoulder", "-", "lognormal", 0.3, 1.0, "compression of highlights"),
     Parameter("tone.saturation", "-", "normal", 0.8, 0.3, "share of the colour matrix that the camera applied"),
     *(
         Parameter(f"matrix.{name}", "-", "normal", 0.0, 0.12, "colour matrix against the one assumed")

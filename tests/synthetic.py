@@ -19,6 +19,7 @@ from eclipsejax.scene import Scene
 UTC, SITE = "2022-05-16T03:45:00Z", (-10.944, -37.056)
 SHAPE, RADIUS, CENTRE, ROLL = (420, 480), 150.0, (190.0, 262.0), 137.0
 ALPHA = 4.7e-6
+STYLE = ToneCurve(exponent=1.05, toe=0.01, shoulder=0.3)  # as cameras have one
 
 
 def limb(alpha: float = ALPHA) -> Atmosphere:
@@ -26,7 +27,7 @@ def limb(alpha: float = ALPHA) -> Atmosphere:
     return Atmosphere(dust=Dust(alpha), haze=Haze(0.1), clouds=Clouds(top=7e3, cover=0.95, width=4e3))
 
 
-def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = None, quality: int = 92, seed: int = 1):
+def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = STYLE, quality: int = 92, seed: int = 1):
     """Write a JPEG of the eclipse whose brightest parts reach 80 % of full scale."""
     where = geometry(UTC, *SITE)
     scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / RADIUS

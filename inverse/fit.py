@@ -51,12 +51,12 @@ def fit_atmosphere(
 ) -> Fit:
     """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
 
-    The optimum is Levenberg-Marquardt's over the limb and every nuisance of each photograph (exposure, white
-    balance, tone curve, glare, pointing, clock), from several starts. The posterior is over the limb, with the
-    nuisances marginalised about the optimum: Laplace's Gaussian, corrected by importance weights, where its
-    diagnostics allow it and the dust is away from zero, otherwise sampled (`inverse.answer`). Priors:
-    `inverse.prior`. Errors: `inverse.noise`, as large as the photographs say (`inverse.noise_fit`). Raises `InputError`
-    with one sentence where a photograph cannot be used.
+    The optimum is over the limb and every nuisance of each photograph (exposure, white balance, tone curve, glare,
+    pointing, clock), from several starts; photographs of one camera share its tone curve, white balance, sensitivity
+    and clock. The posterior is over the limb, with the nuisances marginalised about the optimum: Laplace's Gaussian
+    where importance weights show it to be right and the dust is away from zero, otherwise sampled (`inverse.answer`).
+    Priors: `inverse.prior`. Errors: `inverse.noise`, as large as the photographs say (`inverse.noise_fit`). Raises
+    `InputError` with one sentence where a photograph cannot be used.
 
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
     - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF

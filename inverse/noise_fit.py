@@ -17,8 +17,9 @@ from inverse.noise import CHROMATIC, COMMON, Errors
 # 2014). An error of 25 % is two widths away.
 CENTRES = np.log([1.0, COMMON, CHROMATIC])
 WIDTHS = np.array([0.7, 0.3, 0.3])
-# No limb is as even, and no map of the Moon as good, however well a photograph may fit.
-LEAST = np.log([0.5, 0.05, 0.02])
+# Nor are they ever smaller than was thought beforehand (`inverse.noise`): that one photograph fits better may be luck,
+# and the model itself (its table, nuisances taken for straight) is no better than some per cent.
+LEAST = CENTRES
 FARTHEST = 3.0  # errors
 ROUNDS = 3  # between amplitudes and weights
 
@@ -63,7 +64,7 @@ def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
         logarithms = 2.0 * count * np.log(independent) + 2.0 * np.log(np.diag(factor)).sum() + fitted
         return 0.5 * (whole[-1, -1] + logarithms + np.sum(((log_amplitude - CENTRES) / WIDTHS) ** 2))
 
-    start = np.maximum(np.log([errors.independent, errors.smooth, errors.chromatic]), LEAST + 0.1)
+    start = np.maximum(np.log([errors.independent, errors.smooth, errors.chromatic]), LEAST + 0.05)
     found = minimize(
         cost, start, method="Nelder-Mead", bounds=[(least, None) for least in LEAST],
         options={"xatol": 0.01, "fatol": 0.02, "maxiter": 200},

@@ -1,8 +1,7 @@
 """What is free in a fit, and what is believed of it before the photograph is seen.
 
 Every quantity is a smooth, increasing function of a standard normal z, so that bounds need no clipping, all
-parameters have the same scale (the damping of Levenberg-Marquardt is not scaled for us), and the prior is one
-residual, z itself.
+parameters have the same scale, and the prior is one residual, z itself.
 """
 
 from typing import NamedTuple

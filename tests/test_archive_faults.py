@@ -222,6 +222,7 @@ def test_without_dask_one_sentence_says_what_to_install(tmp_path):
     assert done.returncode == 0 and "There is no archive.parquet" in done.stderr and len(table(tmp_path)) == 2
 
 
+@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")  # the child execs at once
 def test_a_full_disk_is_one_sentence_and_what_exists_is_kept(tmp_path):
     """Files may grow to 700 bytes only: rows of the first run exist, those of the second cannot be written."""
     put(tmp_path, 2)

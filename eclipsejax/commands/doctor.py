@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from eclipsejax import session
 
-NEEDED = ("eclipsejax", "jax", "jaxlib", "numpy", "scipy", "equinox", "optimistix", "emcee", "arviz", "scikit-image")
+NEEDED = ("eclipsejax", "jax", "jaxlib", "numpy", "scipy", "equinox", "emcee", "arviz", "scikit-image")
 EXTRAS = {
     "raw": ("rawpy",),
     "fits": ("astropy",),

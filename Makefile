@@ -19,7 +19,7 @@ help:
 	@echo "make clean      remove all that make has made, .venv included"
 
 demo: $(READY)
-	$(BIN)/fit_atmosphere --demo --out demo
+	$(BIN)/fit_atmosphere --demo --draws 3200 --out demo
 
 test: $(READY)
 	$(BIN)/pytest --numprocesses 2 --dist loadfile

@@ -17,6 +17,7 @@ from eclipsejax.response import responses
 from eclipsejax.sun import Sun
 
 ENDS = (380.0, 780.0)  # nm
+FEW = ("srgb", "nikon_5100")
 MANY = 200  # wavelengths of the reference, as in Yapo & Cutler (2009)
 
 
@@ -26,11 +27,11 @@ def channel_weights(sun: Sun, moon: Moon, response: str, count: int):
     The uneclipsed Moon has 1 in the second channel: luminance or green.
 
     - `response`: "srgb", of which the channels are XYZ, or a camera of `response.responses`.
-    - `count`: 8, 16, 24 or 48 wavelengths, of which those that the response does not see are left out; 8 are for
-      "srgb" and the default Sun alone, where else 16 are taken.
+    - `count`: 8, 16, 24 or 48 wavelengths, of which those that the response does not see are left out; 8 (7 of a
+      camera) are for the responses of `FEW` and the default Sun alone, where else 16 are taken.
     """
-    if count == 8 and response == "srgb" and sun.spectrum == Sun().spectrum:
-        return few_wavelengths()
+    if count == 8 and response in FEW and sun.spectrum == Sun().spectrum:
+        return few_wavelengths(response)
     wavelength, mixture = mixtures(max(count, 16))
     name = "xyz" if response == "srgb" else response
     _, weights = binned_weights(sun, moon, name, MANY)
@@ -60,9 +61,13 @@ def middles(count: int) -> np.ndarray:
 
 
 @cache
-def few_wavelengths():
-    """Eight fitted wavelengths [nm] and their weights (wavelength, 3) for XYZ: `tables/make_few_wavelengths.py`."""
-    with files("eclipsejax").joinpath("tables/few_wavelengths.csv").open() as lines:
+def few_wavelengths(response: str):
+    """Wavelengths [nm] and weights (wavelength, 3) fitted to a response: `tables/make_few_wavelengths.py`.
+
+    Largest errors, over the umbra under atmospheres that are not those of the fit: eight for XYZ 0.1 % of the brightest
+    of linear sRGB, seven for a camera 0.3 % of each channel.
+    """
+    with files("eclipsejax").joinpath(f"tables/few_wavelengths_{response}.csv").open() as lines:
         table = np.loadtxt(lines, delimiter=",", skiprows=3)
     return table[:, 0], table[:, 1:]
 

@@ -1,6 +1,6 @@
 """The posterior of the limb by the cheapest way that can be trusted: Laplace's Gaussian, importance, ensembles."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
@@ -15,7 +15,6 @@ from inverse.ensemble import ENSEMBLES, sample, settings
 from inverse.importance import Importance, importance
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum
-from inverse.noise import Errors
 from inverse.posterior import LimbPosterior
 from inverse.result import NEAR_ZERO
 from inverse.surrogate import interpolated
@@ -163,24 +162,28 @@ def identity(evidence, parameters, disc: int | None, seed: int) -> dict[str, Any
     }
 
 
-def beginning(optimum: Optimum, errors: Sequence[Errors], draws: int | None) -> dict[str, Any]:
+def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> dict[str, Any]:
     """What a chain begins from, in numbers: kept with it, so that it goes on from exactly there."""
-    found = {f"error.{number}.{name}": getattr(one, name) for number, one in enumerate(errors) for name in FITTED}
-    return {**vars(optimum), **found, "draws": -1 if draws is None else draws}
+    found = {
+        f"error.{number}.{name}": getattr(one, name) for number, one in enumerate(likelihood.errors) for name in FITTED
+    }
+    carried = {"carried_at": likelihood.carried_at, "draws": -1 if draws is None else draws}
+    return {**vars(optimum), **found, **carried}
 
 
-def begun(numbers: Mapping[str, Any], errors: Sequence[Errors]) -> tuple[Optimum, tuple[Errors, ...], int | None]:
-    """Optimum, errors and draws from what `beginning` made.
+def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, Likelihood, int | None]:
+    """Optimum, likelihood and draws from what `beginning` made.
 
-    - `errors`: those before the fit.
+    - `likelihood`: as it was before the fit.
     """
     optimum = Optimum(
         np.asarray(numbers["z"]), float(numbers["cost"]), bool(numbers["converged"]), int(numbers["steps"]),
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
     )  # fmt: skip
+    likelihood = likelihood.carried(np.asarray(numbers["carried_at"]))
     fitted = tuple(
         replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})
-        for number, one in enumerate(errors)
+        for number, one in enumerate(likelihood.errors)
     )
     draws = int(numbers["draws"])
-    return optimum, fitted, None if draws < 0 else draws
+    return optimum, replace(likelihood, errors=fitted), None if draws < 0 else draws

@@ -156,7 +156,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, mask, errors = [], [], [], []
+    models, data, mask, sources = [], [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
@@ -180,23 +180,22 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         gain, width = jnp.asarray(exposure.relative), jnp.asarray(exposure.width)
         models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
-        relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)[:, None]
+        relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)
         data.append(jnp.asarray(np.log(scale).ravel()))
         mask.append(jnp.asarray(usable.astype(float).ravel()))
-        # Where the floor rules, a relative error of the light is that much smaller in the log.
-        share = usable * np.maximum(value, 0.0) / scale
         if offset is None:
             assert isinstance(model, PhotoModel)
             offset = np.asarray(model.seen(jnp.zeros(len(model.parameters)))[0].offset)
         modes = noise.smooth_modes(position[on_disc], offset[on_disc])
-        errors.append(noise.errors_of(np.sqrt(relative**2 + (sigma / scale) ** 2), modes, on_disc, share))
+        sources.append(noise.Sources(sigma / scale, relative, modes, on_disc, usable))
     shadow = shadow_of([item.where for item in evidence])
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(errors), places(shared, models))
+    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(sources), places(shared, models))
     groups: dict[object, list[int]] = {}
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
-    return likelihood.centred(list(groups.values()))
+    likelihood = likelihood.centred(list(groups.values()))
+    return likelihood.carried(np.zeros(len(likelihood.parameters)))
 
 
 def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:

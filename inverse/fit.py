@@ -83,11 +83,10 @@ def fit_atmosphere(
     if record is None:
         optimum, likelihood = optimise(evidence, likelihood, progress)
     else:
-        optimum, errors, first_draws = begun(record.beginning, likelihood.errors)
+        optimum, likelihood, first_draws = begun(record.beginning, likelihood)
         draws = first_draws if draws is None else draws
-        likelihood = replace(likelihood, errors=errors)
         progress(Progress("fitting", STAGES, STAGES))
-    numbers = beginning(optimum, likelihood.errors, draws)
+    numbers = beginning(optimum, likelihood, draws)
     found = answer(
         likelihood, optimum, draws=draws, seed=seed,
         before=None if record is None else record.chain,
@@ -107,6 +106,7 @@ def optimise(evidence, likelihood: Likelihood, progress: Callable[[Progress], No
     around = [item.neighbours() for item in evidence]
     first = optimum = maximum(likelihood, list(starts), lambda n: progress(Progress("fitting", n, STAGES)))
     for number in range(ERROR_ROUNDS):
+        likelihood = likelihood.carried(optimum.z)
         likelihood = replace(likelihood, errors=tuple(
             fitted_errors(errors, misfit, slopes, np.asarray(usable), neighbours)
             for errors, (misfit, slopes), usable, neighbours in zip(

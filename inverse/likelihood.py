@@ -6,7 +6,7 @@ the same place in the vector z.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
-from inverse.noise import Errors
+from inverse.noise import Errors, Sources
 from inverse.photo_model import signal
 
 LIMB = len(prior.ATMOSPHERE)
@@ -31,7 +31,7 @@ class Likelihood:
 
     - `models`: a `PhotoModel` or `ProfileModel` each.
     - `data`: log values above the floor (cell x 3,) each; `usable`: 1 where they count, 0 where not.
-    - `errors`: of those log values.
+    - `sources`: of the errors of those log values; `errors`: what they come to at `carried_at`, a vector z.
     - `places`: of each photograph's nuisances in z, (nuisance,) each.
     """
 
@@ -39,8 +39,10 @@ class Likelihood:
     models: tuple
     data: tuple
     usable: tuple
-    errors: tuple[Errors, ...]
+    sources: tuple[Sources, ...]
     places: tuple[np.ndarray, ...]
+    errors: tuple[Errors, ...] = ()
+    carried_at: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def parameters(self) -> tuple[prior.Parameter, ...]:
@@ -100,6 +102,16 @@ class Likelihood:
                     models[number] = eqx.tree_at(lambda model: model.gain, models[number], gain)
         return replace(self, models=tuple(models))
 
+    def carried(self, z: np.ndarray) -> "Likelihood":
+        """The same with the errors that the cameras make of those of the light at z, as large as they were."""
+        light = shadow_light(self.shadow, jnp.asarray(z[:LIMB])).log_light
+        found = []
+        for number, (model, source, place) in enumerate(zip(self.models, self.sources, self.places, strict=True)):
+            fresh = source.errors(np.asarray(response(model, self.shadow, light, jnp.asarray(z[place]))))
+            before = self.errors[number] if self.errors else fresh
+            found.append(replace(before, sigma=fresh.sigma, modes=fresh.modes))
+        return replace(self, errors=tuple(found), carried_at=np.asarray(z))
+
     def _missing(self, model, number: int, table: ShadowTable) -> np.ndarray:
         predicted = jnp.log(signal(model, table, jnp.zeros(len(model.parameters))) + model.floor).ravel()
         return np.asarray(self.data[number] - predicted)[np.asarray(self.usable[number]) > 0]
@@ -109,6 +121,15 @@ class Likelihood:
 def misfit(model, data, usable, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
     """Data minus model of one photograph, 0 where unusable."""
     return usable * (data - model(table, nuisance).ravel())
+
+
+@eqx.filter_jit
+def response(model, shadow: Shadow, light, nuisance) -> Float[Array, "cell value channel"]:
+    """Change of a photograph's log values by the log light of each channel, all over the disc.
+
+    - `light`: entries of the shadow's table.
+    """
+    return jax.jacfwd(lambda by: model(shadow.table(light + by), nuisance))(jnp.zeros(light.shape[-1]))
 
 
 @eqx.filter_jit

@@ -12,15 +12,16 @@ from jaxtyping import Array, Float
 from eclipsejax.ephemeris import Geometry
 from eclipsejax.moon import Moon
 from eclipsejax.render import disc_offsets
-from eclipsejax.response import responses
-from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator
+from eclipsejax.shadow_table import ShadowTable, Tabulator, from_edge_at, tabulator
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
+from eclipsejax.wavelengths import channel_weights
 from inverse import prior
+from inverse.uneven_limb import washing
 
 OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
 TOLERANCE = 1e-2  # of the shadow's light
-BINS = np.array([380.0, 440.0, 480.0, 520.0, 560.0, 600.0, 640.0, 680.0, 780.0])  # nm
+WAVELENGTHS = 8
 
 
 class Shadow(eqx.Module):
@@ -29,6 +30,8 @@ class Shadow(eqx.Module):
     tabulator: Tabulator
     scattered: Float[Array, "level channel"]
     """Log of the light scattered into the umbra, for the dust of `scattered_light`."""
+    washing: Float[Array, "offset offset"]
+    """Of the log light over the table's entries, see `uneven_limb`."""
 
     def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
         return self.table(log_light(limb, self))
@@ -44,7 +47,8 @@ def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, 
     levels = _dust_scale(scattered_light()[0])
     weights = _lagrange(jnp.clip(_dust_scale(value["dust.extinction"]), levels[0], levels[-1]), levels)
     scattered = weights @ shadow.scattered + jnp.log(value["scattered.amplitude"])
-    return jnp.logaddexp(shadow.tabulator(prior.atmosphere(limb)).log_light, scattered)
+    even = jnp.logaddexp(shadow.tabulator(prior.atmosphere(limb)).log_light, scattered)
+    return jnp.tensordot(shadow.washing, even, axes=1)
 
 
 @cache
@@ -87,13 +91,8 @@ def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
 
 def camera_weights(sun: Sun, moon: Moon):
     """Wavelengths [nm] and weights (wavelength, 3) of the camera's channels, balanced to the uneclipsed Moon."""
-    fine = np.arange(380.5, 780.0)
-    light = np.asarray(sun.irradiance(jnp.asarray(fine)) * moon.spectrum(jnp.asarray(fine)))
-    spectral = light[:, None] * responses("nikon_5100", fine)
-    member = (np.digitize(fine, BINS) - 1)[None, :] == np.arange(BINS.size - 1)[:, None]
-    weights = member @ spectral
-    wavelength = (member @ (spectral.sum(axis=1) * fine)) / weights.sum(axis=1)
-    return jnp.asarray(wavelength), jnp.asarray(weights / weights.sum(axis=0))
+    wavelength, weights = channel_weights(sun, moon, "nikon_5100", WAVELENGTHS)
+    return wavelength, weights / weights.sum(axis=0)
 
 
 def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
@@ -117,4 +116,6 @@ def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
     )  # fmt: skip
     _, known, light = scattered_light()
     at_bins = np.array([np.interp(np.asarray(wavelength), known, np.log(level)) for level in light])
-    return Shadow(prepared, jnp.log(jnp.exp(at_bins) @ weights))
+    grid = prepared.grid
+    from_axis = from_edge_at(grid.start + grid.step * jnp.arange(grid.count)) + edge  # negative beyond the axis
+    return Shadow(prepared, jnp.log(jnp.exp(at_bins) @ weights), jnp.asarray(washing(np.asarray(from_axis))))

@@ -113,18 +113,37 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def errors_of(sigma: np.ndarray, modes: np.ndarray, on_disc: np.ndarray, share: np.ndarray) -> Errors:
-    """Errors of (cell, channel) residuals.
+@dataclass(frozen=True)
+class Sources:
+    """Where the errors of (cell, channel) log values come from.
 
-    - `sigma`: of the independent errors (cell, 3).
-    - `modes`: smooth ones on the disc (disc cell, mode); sky cells have none.
-    - `on_disc`: (cell,).
-    - `share`: by what a smooth error is smaller in each log value (cell, 3).
+    - `noise`: of the pixels, in log value (cell, 3).
+    - `light`: relative error of each cell's light in each channel (cell,).
+    - `smooth`: modes of `smooth_modes` (disc cell, mode); `on_disc`: which cells those are (cell,).
+    - `usable`: (cell, 3).
     """
-    cells, rank = on_disc.size, modes.shape[1]
-    blocks = []
-    for channels in (slice(None), 0, 1, 2):
-        block = np.zeros((cells, 3, rank))
-        block[on_disc, channels] = modes[:, None, :] if channels == slice(None) else modes
-        blocks.append((share[..., None] * block).reshape(3 * cells, rank))
-    return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)
+
+    noise: np.ndarray
+    light: np.ndarray
+    smooth: np.ndarray
+    on_disc: np.ndarray
+    usable: np.ndarray
+
+    def errors(self, response: np.ndarray) -> Errors:
+        """Errors of the light, as a camera makes errors of its values of them.
+
+        The map and the limb err in light; a camera's matrix takes most of the red from the green and the blue of a
+        deep red Moon, and makes their errors several times as large.
+
+        - `response`: change of each log value by the log light of each channel (cell, value, light).
+        """
+        response = np.where(self.usable[..., None], response, 0.0)
+        noise = np.where(self.usable, self.noise, 1.0)
+        cells, rank = self.on_disc.size, self.smooth.shape[1]
+        blocks = []
+        for by in (response.sum(axis=2), *np.moveaxis(response, 2, 0)):
+            block = np.zeros((cells, 3, rank))
+            block[self.on_disc] = by[self.on_disc, :, None] * self.smooth[:, None, :]
+            blocks.append(block.reshape(3 * cells, rank))
+        sigma = np.sqrt(noise**2 + np.square(self.light[:, None]) * np.square(response).sum(axis=2))
+        return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)

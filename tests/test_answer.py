@@ -1,7 +1,7 @@
 """The cheapest way that can be trusted is the one that answers, and an answer says which it was."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -98,15 +98,28 @@ def test_dust_is_away_from_zero_where_its_interval_leaves_the_priors_end():
     assert away_from_zero(1.0, 0.5) and not away_from_zero(0.0, 0.95) and not away_from_zero(-1.5, 0.3)
 
 
+@dataclass(frozen=True)
+class Carried:
+    """What a beginning wants of a `Likelihood`."""
+
+    errors: tuple
+    carried_at: np.ndarray
+
+    def carried(self, z):
+        return replace(self, carried_at=z)
+
+
 def test_a_beginning_comes_back_from_numbers():
     optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5))
     before = Errors(np.ones(4), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
+    prepared, found = Carried((before,), np.zeros(3)), Carried((fitted,), np.ones(3))
     for draws in (None, 0, 640):
-        numbers = {name: np.asarray(value) for name, value in beginning(optimum, [fitted], draws).items()}
-        same, errors, given = begun(numbers, [before])
+        numbers = {name: np.asarray(value) for name, value in beginning(optimum, found, draws).items()}
+        same, likelihood, given = begun(numbers, prepared)
         assert given == draws
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
-        assert np.array_equal(errors[0].scale, fitted.scale)
-        assert np.array_equal(errors[0].amplitudes, fitted.amplitudes)
+        assert np.array_equal(likelihood.carried_at, found.carried_at)
+        assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
+        assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

@@ -45,12 +45,34 @@ def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     assert np.linalg.eigvalsh(left).min() > -1e-9
 
 
+def grey_sources(sigma, modes, on_disc):
+    """Errors of pixels, and smooth ones of the light."""
+    cells = on_disc.size
+    return noise.Sources(np.full((cells, 3), sigma), np.zeros(cells), modes, on_disc, np.full((cells, 3), True))
+
+
+def test_a_colour_matrix_mixes_the_errors_of_the_light():
+    position, offset = disc()
+    cells, modes = len(position), noise.smooth_modes(position, offset)
+    matrix = np.array([[1.2, -0.3, 0.1], [0.0, 1.5, -0.5], [-1.0, -0.4, 2.4]])
+    usable = np.random.default_rng(2).uniform(size=(cells, 3)) > 0.1
+    sources = noise.Sources(np.full((cells, 3), 0.02), np.full(cells, 0.05), modes, np.full(cells, True), usable)
+    errors = sources.errors(np.broadcast_to(matrix, (cells, 3, 3)))
+    scaled = errors.modes * errors.amplitudes
+    mixed = noise.COMMON**2 * np.outer(matrix.sum(axis=1), matrix.sum(axis=1)) + noise.CHROMATIC**2 * matrix @ matrix.T
+    wanted = np.einsum("ij,kl->ikjl", modes @ modes.T, mixed).reshape(3 * cells, 3 * cells)
+    used = usable.ravel()
+    np.testing.assert_allclose((scaled @ scaled.T)[np.ix_(used, used)], wanted[np.ix_(used, used)], atol=1e-12)
+    sigma = np.sqrt(0.02**2 + 0.05**2 * np.sum(matrix**2, axis=1))
+    np.testing.assert_allclose(errors.scale.reshape(cells, 3)[usable], np.broadcast_to(sigma, (cells, 3))[usable])
+    assert not scaled[~used].any() and np.all(errors.scale[~used] == 1.0)
+
+
 def test_errors_have_the_stated_size_and_leave_the_sky_alone():
     position, offset = disc()
     on_disc = np.concatenate([np.full(len(position), True), np.full(20, False)])
-    sigma = np.full((on_disc.size, 3), 0.05)
     modes = noise.smooth_modes(position, offset)
-    errors = noise.errors_of(sigma, modes, on_disc, np.ones((on_disc.size, 3)))
+    errors = grey_sources(0.05, modes, on_disc).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
     smooth = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
     assert not smooth[~on_disc].any()
     red, both = np.sum(smooth[:, 0] ** 2, axis=1), np.sum(smooth[:, 0] * smooth[:, 1], axis=1)

@@ -7,15 +7,15 @@ import pytest
 
 from inverse import noise
 from inverse.noise_fit import fitted_errors
-from tests.test_noise import disc
+from tests.test_noise import disc, grey_sources
 
 
 @pytest.fixture(scope="module")
 def before():
     position, offset = disc(30)
     on_disc = np.full(len(position), True)
-    sigma = np.full((len(position), 3), 0.05)
-    errors = noise.errors_of(sigma, noise.smooth_modes(position, offset), on_disc, np.ones(sigma.shape))
+    sources = grey_sources(0.05, noise.smooth_modes(position, offset), on_disc)
+    errors = sources.errors(np.broadcast_to(np.eye(3), (len(position), 3, 3)))
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     return errors, np.argsort(apart, axis=1)[:, :9]
 

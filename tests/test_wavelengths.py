@@ -67,9 +67,17 @@ def test_eight_fitted_wavelengths_make_the_colours_of_two_hundred(spectra):
     assert np.max(np.abs(few - many).max(axis=-1) / many.max(axis=-1)) < 0.01
 
 
-def test_another_sun_or_camera_takes_the_mixtures_instead_of_the_fitted_eight():
+def test_seven_fitted_wavelengths_make_the_channels_of_a_camera(spectra):
+    # Each channel to 1 % of itself: an inference compares their logarithms.
+    wavelength, weights = channel_weights(SUN, MOON, "nikon_5100", 8)
+    assert wavelength.shape == (7,)
+    _, all_weights = binned_weights(SUN, MOON, "nikon_5100", MANY)
+    np.testing.assert_allclose(in_place(spectra, wavelength) @ weights, spectra @ all_weights, rtol=1e-2)
+
+
+def test_another_sun_takes_the_mixtures_instead_of_the_fitted_few():
     assert channel_weights(Sun(spectrum="blackbody"), MOON, "srgb", 8)[0].shape == (16,)
-    assert channel_weights(SUN, MOON, "nikon_5100", 8)[0].shape == (16,)
+    assert channel_weights(Sun(spectrum="blackbody"), MOON, "nikon_5100", 8)[0].shape == (16,)
 
 
 def test_weights_make_white_of_full_light():

@@ -1,0 +1,146 @@
+"""Whether the intervals of a fit can be believed: photographs drawn from its prior, fitted as users do.
+
+    python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
+    python -m benchmarks.calibration --count 60 --quick    # Laplace's Gaussian and its weights alone
+    python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
+
+Each photograph is a row of a file that is kept, and the same command does what is left, so that it may be stopped at
+any moment; rows of another version of the program do not count. Prints and keeps coverage and ranks, and fails (status
+1) where they leave the bands of a right posterior.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.coverage import LEVELS, coverage, farthest
+from eclipsejax import session
+
+SEED = 20221108
+QUANTITIES = (
+    "dust.extinction", "air.surface_temperature", "clouds.top", "clouds.cover", "ozone.column_du",
+)  # fmt: skip
+OUT = Path("out/calibration")
+RESULTS = Path(__file__).parent / "results"
+
+
+def fitted(number: int, draws: int | None, folder: Path) -> dict:
+    """The row of a photograph: ranks of the truth, medians, and how it was fitted."""
+    session.one_blas_thread()
+    session.start()
+    from benchmarks.drawn_photograph import draw
+    from inverse.fit import fit_atmosphere
+
+    drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number)
+    started = time.perf_counter()
+    fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number)
+    told, registration = fit.diagnostics, fit.photos[0].registration
+    assert registration is not None
+    turn = (registration.roll - drawn.roll + np.pi) % (2.0 * np.pi) - np.pi
+    return {
+        "number": number,
+        "truth": drawn.limb,
+        "rank": {name: float(np.mean(fit.draws[name] < truth)) for name, truth in drawn.limb.items()},
+        "median": {name: fit.estimates[name].median for name in drawn.limb},
+        "sd": {name: float(np.std(fit.draws[name])) for name in drawn.limb},
+        "method": told["method"],
+        "converged": told["converged"],
+        "k_hat": (told["psis"] or {}).get("k_hat"),
+        "p": told["misfit_checks"][0]["p"],
+        "centre_error_px": float(np.hypot(registration.row - drawn.row, registration.column - drawn.column)),
+        "radius_error": registration.radius / drawn.radius - 1.0,
+        "roll_error_deg": float(np.degrees(turn)),
+        "clock_error_s": fit.estimates["1.clock"].map - drawn.nuisance["clock"],
+        "seconds": time.perf_counter() - started,
+    }
+
+
+def run(count: int, draws: int | None, workers: int, folder: Path) -> list[dict]:
+    """Rows of the first `count` photographs, kept ones and new."""
+    from inverse.archive_rows import program
+
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{'default' if draws is None else draws}-{program()}.jsonl"
+    rows = {}
+    if file.exists():
+        for line in file.read_text().splitlines():
+            rows[json.loads(line)["number"]] = json.loads(line)
+    left = [number for number in range(count) if number not in rows]
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, file.open("a") as kept:
+        tasks = {pool.submit(partial(fitted, draws=draws, folder=folder), number): number for number in left}
+        for task in as_completed(tasks):
+            number = tasks[task]
+            try:
+                row = task.result()
+            except Exception as error:  # a photograph that cannot be fitted is a result, too
+                row = {"number": number, "error": f"{type(error).__name__}: {error}"[:300]}
+            rows[number] = row
+            kept.write(json.dumps(row) + "\n")
+            kept.flush()
+            print(f"{len(rows)} of {count}: photograph {number} {_short(row)}", flush=True)
+    return [rows[number] for number in range(count)]
+
+
+def _short(row: dict) -> str:
+    if "error" in row:
+        return row["error"]
+    ranks = " ".join(f"{row['rank'][name]:.3f}" for name in QUANTITIES)
+    return f"{row['method']} in {row['seconds']:.0f} s, ranks {ranks}"
+
+
+def summary(rows: list[dict]) -> dict:
+    """Coverage and ranks of the quantities tested, and the rest of what is known."""
+    fits = [row for row in rows if "error" not in row]
+    found = {"photographs": len(rows), "not fitted": len(rows) - len(fits), "seed": SEED, "quantities": {}}
+    for name in QUANTITIES:
+        ranks = np.array([row["rank"][name] for row in fits])
+        parts = [coverage(ranks, level, len(LEVELS) * len(QUANTITIES)) for level in LEVELS]
+        tail, least = farthest(ranks, len(QUANTITIES))
+        found["quantities"][name] = {
+            **{f"{100 * part.level:.0f}": {"share": part.share, "band": [part.low, part.high], "inside": part.inside}
+               for part in parts},
+            "ranks": {"tail": tail, "least": least, "inside": tail >= least},
+        }  # fmt: skip
+    methods = [row["method"] for row in fits]
+    found["methods"] = {method: methods.count(method) for method in sorted(set(methods))}
+    for name in ("centre_error_px", "radius_error", "roll_error_deg", "clock_error_s", "seconds"):
+        values = np.abs([row[name] for row in fits])
+        found[name] = {"median": float(np.median(values)), "95 %": float(np.quantile(values, 0.95))}
+    return found
+
+
+def passed(found: dict) -> bool:
+    """Whether everything is within its band."""
+    return all(part["inside"] for one in found["quantities"].values() for part in one.values())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=500, metavar="N")
+    parser.add_argument("--draws", type=int, metavar="N", help="as of fit_atmosphere")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
+    options = parser.parse_args()
+    found = summary(run(options.count, options.draws, options.workers, options.out))
+    name = f"calibration{'' if options.draws is None else f'-{options.draws}'}"
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / f"{name}.json").write_text(json.dumps(found, indent=1) + "\n")
+    for quantity, one in found["quantities"].items():
+        shares = ", ".join(
+            f"{level} %: {one[level]['share']:.1%} ({one[level]['band'][0]:.1%}-{one[level]['band'][1]:.1%})"
+            for level in ("68", "95")
+        )
+        print(f"{quantity:<26}{shares}, ranks {'inside' if one['ranks']['inside'] else 'outside'}")
+    return 0 if passed(found) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

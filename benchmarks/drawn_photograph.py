@@ -1,0 +1,182 @@
+"""Photographs of eclipses that never were, everything about them drawn from the prior of a fit.
+
+They are made by other means than the fit's own: rendered at full tolerance for every pixel, with the light that the
+limb scatters worked out anew; errors of surface and limb laid over it; a camera that is written down a second time;
+photon noise, and JPEG. A fit is told the time and the place, and must find out where the disc lies.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from PIL import Image
+from scipy.ndimage import map_coordinates
+from scipy.signal import fftconvolve
+from scipy.spatial.distance import cdist
+
+from eclipsejax.almanac import Eclipse, eclipses
+from eclipsejax.camera import Camera, sky_plane
+from eclipsejax.constants import MOON_RADIUS
+from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
+from eclipsejax.moon import Moon
+from eclipsejax.render import channel_weights, render
+from eclipsejax.response import encode_srgb
+from eclipsejax.scatterers import Scatterers
+from eclipsejax.scene import Scene, axis_offset, disc_points
+from inverse import noise, prior
+from inverse.cells import CELLS_PER_RADIUS
+from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE
+
+SHAPE = (440, 480)
+RADIUS = (135.0, 155.0)  # pixel
+FIRST, LAST = "1990-01-01", "2026-01-01"
+LOWEST = np.radians(25.0)  # of the Moon
+BRIGHTEST = (0.45, 0.9)  # of full scale: what the exposure brings 99.5 % of the disc below
+QUALITY = (85, 97)
+FULL_WELL, READ_NOISE = 20e3, 5.0  # electrons
+BLUR = 2.0  # pixel, full width at half maximum
+COLOURS = ("red", "green", "blue")
+ERROR_POINTS = 41  # along the diameter of the grid that smooth errors are drawn on
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A photograph and the truth about it.
+
+    - `utc`, `site`: what its photographer says; the clock is wrong by the nuisance `clock`.
+    - `limb`: by name, the quantities of `prior.ATMOSPHERE`; `nuisance`: those of `prior.PHOTOGRAPH` and `prior.TONE`.
+    - `roll`, `row`, `column`, `radius`: of the disc in the picture [rad, pixel].
+    """
+
+    path: Path
+    utc: str
+    site: tuple[float, float]
+    limb: dict[str, float]
+    nuisance: dict[str, float]
+    roll: float
+    row: float
+    column: float
+    radius: float
+
+
+def draw(path: Path, seed: int, number: int) -> Drawn:
+    """Draw photograph `number` of a seed and write it, a JPEG."""
+    random = np.random.default_rng([seed, number])
+    z = random.standard_normal(len(prior.ATMOSPHERE))
+    limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
+    parameters = prior.PHOTOGRAPH + prior.TONE
+    nuisance = {p.name: float(p.value(random.standard_normal())) for p in parameters}
+    stated, site = _instant(random)
+    where = stated.after(nuisance["clock"])
+    roll, radius = random.uniform(0.0, 2.0 * np.pi), random.uniform(*RADIUS)
+    row, column = (side / 2 + random.uniform(-30, 30) for side in SHAPE)
+    scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / radius
+    camera = Camera(shape=SHAPE, scale=scale, roll=roll, centre=(row, column), response="nikon_5100")
+    scene = Scene(where, camera, moon=Moon(contrast=nuisance["albedo.contrast"]))
+    light = _light(scene, z, limb["scattered.amplitude"])
+    right, up = _positions(row, column, radius)
+    light = light * np.exp(_errors(random, right, up, np.asarray(_offsets(scene))))
+    encoded = _developed(random, light, nuisance, right, up, radius)
+    Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
+    return Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius)
+
+
+@cache
+def _total_eclipses() -> tuple[Eclipse, ...]:
+    return tuple(one for one in eclipses(FIRST, LAST) if one.kind == "total")
+
+
+def _instant(random) -> tuple[Geometry, tuple[float, float]]:
+    """A time in a totality, and a site with the Moon well above its horizon."""
+    known = _total_eclipses()
+    while True:
+        eclipse = known[random.integers(len(known))]
+        begin, end = (np.datetime64(eclipse.contacts[name].rstrip("Z"), "s") for name in ("U2", "U3"))
+        utc = f"{begin + (end - begin) * random.uniform()}Z"
+        site = (float(np.degrees(np.arcsin(random.uniform(-0.8, 0.8)))), random.uniform(-180.0, 180.0))
+        where = geometry(utc, *site)
+        if float(moon_altitude(where)) > LOWEST:
+            return where, site
+
+
+def _light(scene: Scene, z: np.ndarray, amplitude: float) -> np.ndarray:
+    """Light in the camera's channels (row, column, 3), white on the uneclipsed Moon."""
+    atmosphere = prior.atmosphere(jnp.asarray(z))
+    direct, whole = (np.asarray(_rendered(replace(scene, scatterers=s), atmosphere)) for s in (None, Scatterers()))
+    light = direct + amplitude * (whole - direct)
+    return light / np.asarray(channel_weights(scene, 24)[1].sum(axis=0))
+
+
+@eqx.filter_jit
+def _rendered(scene, atmosphere):
+    return render(scene, atmosphere, tolerance=1e-3)
+
+
+@eqx.filter_jit
+def _offsets(scene):
+    points = disc_points(scene.geometry, *sky_plane(scene.camera, *jnp.indices(SHAPE).astype(float)))
+    return axis_offset(scene.geometry, points.position)
+
+
+def _positions(row: float, column: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of the pixels, from the disc's centre [its radii]."""
+    rows, columns = np.indices(SHAPE)
+    return (columns - column) / radius, (row - rows) / radius
+
+
+def _errors(random, right, up, offset) -> np.ndarray:
+    """Errors of the log light (row, column, 3): smooth ones in all channels and in each, and of every patch.
+
+    Their kernels are those that a fit counts with, drawn whole and not by a few modes.
+    """
+    common, chromatic = (size * np.exp(0.3 * random.standard_normal()) for size in (noise.COMMON, noise.CHROMATIC))
+    line = np.linspace(-1.05, 1.05, ERROR_POINTS)
+    places = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    over_disc = np.exp(-cdist(places, places) / noise.LENGTH)
+    rings = np.linspace(0.0, 0.03, 400)
+    over_offset = np.exp(-np.abs(rings[:, None] - rings) / noise.RADIAL)
+    roots = [np.linalg.cholesky(kernel + 1e-9 * np.eye(len(kernel))) for kernel in (over_disc, over_offset)]
+    index = [(axis + 1.05) / (line[1] - line[0]) for axis in (up, right)]
+
+    def smooth():
+        on_disc = (roots[0] @ random.standard_normal(len(places))).reshape(ERROR_POINTS, ERROR_POINTS)
+        of_offset = roots[1] @ random.standard_normal(len(rings))
+        here = map_coordinates(on_disc, index, order=1, mode="nearest")
+        return np.sqrt(0.5) * (here + np.interp(offset, rings, of_offset))
+
+    shared = common * smooth()
+    patch = np.floor(np.stack([up, right]) * CELLS_PER_RADIUS).astype(int)
+    patch -= patch.min(axis=(1, 2), keepdims=True)
+    each = noise.INDEPENDENT * random.standard_normal((*(patch.max(axis=(1, 2)) + 1), 3))
+    return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]]
+
+
+def _developed(random, light, nuisance, right, up, radius) -> np.ndarray:
+    """What a camera makes of light (row, column, 3): pixel values in [0, 1]."""
+    on_disc = np.hypot(right, up) < 0.95
+    veil = nuisance["camera.veil"] * np.exp(np.mean(np.log(light.mean(axis=-1)[on_disc])))
+    apart = np.square(np.indices((2 * SHAPE[0] - 1, 2 * SHAPE[1] - 1)) - np.array(SHAPE)[:, None, None] + 1).sum(axis=0)
+    width, core = GLARE_SCALE * radius, BLUR / 2.355
+    wings = (1.0 + apart / width**2) ** -1.5 / (2.0 * np.pi * width**2)
+    sharp = np.exp(-0.5 * apart / core**2) / (2.0 * np.pi * core**2)
+    spread = (1.0 - nuisance["camera.glare"]) * sharp + nuisance["camera.glare"] * wings
+    light = np.stack([fftconvolve(light[..., channel], spread, mode="same") for channel in range(3)], axis=-1) + veil
+    balance = [nuisance[f"white_balance.{name}"] + nuisance[f"tint.{name}"] for name in ("red", "blue")]
+    light = light * np.exp([balance[0], 0.0, balance[1]])
+    light *= random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)
+    electrons = FULL_WELL * np.maximum(light, 0.0)
+    light = (random.poisson(electrons) + READ_NOISE * random.standard_normal(light.shape)) / FULL_WELL
+    own = np.zeros((3, 3))
+    for row, to in enumerate(COLOURS):
+        for column, source in enumerate(COLOURS):
+            if to != source:
+                own[row, column] = nuisance[f"matrix.{to}_{source}"]
+    own -= np.diag(own.sum(axis=1))
+    matrix = np.eye(3) + nuisance["tone.saturation"] * (COLOUR_MATRIX - np.eye(3)) + own
+    x = np.clip(light @ matrix.T - nuisance["tone.black"], 0.0, 1.0) ** nuisance["tone.exponent"]
+    x = x * (1.0 + nuisance["tone.toe"]) * x / (x + nuisance["tone.toe"])
+    x = x * (1.0 + nuisance["tone.shoulder"]) / (1.0 + nuisance["tone.shoulder"] * x)
+    return np.clip(np.asarray(encode_srgb(jnp.asarray(x))), 0.0, 1.0)

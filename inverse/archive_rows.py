@@ -21,7 +21,7 @@ from eclipsejax.errors import InputError, printable
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
-NO_PART_OF_A_FIT = ("archive", "cli", "plot", "report", "page", "movie", "selftest")  # in names of modules
+NO_PART_OF_A_FIT = ("archive", "cli", "progress", "plot", "report", "page", "movie", "selftest")  # in names of modules
 OK, NOT_CONVERGED, FAILED = "ok", "not converged", "failed"
 
 

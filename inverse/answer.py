@@ -149,7 +149,7 @@ def check_same_density(density, chain: Chain) -> None:
             )
 
 
-def identity(evidence, parameters, disc: int | None, seed: int) -> dict[str, Any]:
+def identity(evidence, parameters, disc: int | list[int | None] | None, seed: int) -> dict[str, Any]:
     """What a chain depends on, for `chain.Record`."""
     return {
         "photographs": [item.photo.sha256 for item in evidence],

@@ -64,26 +64,31 @@ def gather(
     paths: Sequence,
     *,
     time: str | Sequence[str] | None,
-    site: tuple | list[tuple | None] | None,
+    site: tuple[float, ...] | list[tuple[float, ...] | None] | None,
     disc: int | list[int | None] | None,
     progress: Callable[[str, int, int], None],
 ) -> list[Evidence]:
-    """Read and register every photograph; the arguments are those of `fit_atmosphere`.
-
-    - `site`, `disc`: of all, or a list with one for each.
-    """
+    """Read and register every photograph; the arguments are those of `fit_atmosphere`."""
     if not paths:
         raise InputError("There is nothing to fit: name at least one photograph.")
     photos = [read_profile(path) if str(path).lower().endswith(".csv") else read_photo(path) for path in paths]
     times = times_of(photos, time)
     one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
-    sites = site if isinstance(site, list) else [site] * len(photos)
-    discs = disc if isinstance(disc, list) else [disc] * len(photos)
+    sites, discs = _each(site, len(photos), "Sites"), _each(disc, len(photos), "Discs")
     found = []
     for number, item in enumerate(zip(photos, times, sites, discs, strict=True), 1):
         found.append(_place(*item, one_clock))
         progress("registering", number, len(photos))
     return found
+
+
+def _each(given, count: int, what: str) -> list:
+    """An item for each photograph, of what may be one for all or a list."""
+    if not isinstance(given, list):
+        return [given] * count
+    if len(given) != count:
+        raise InputError(f"{what}: {len(given)} for {count} photographs; give one for each, or one for all.")
+    return given
 
 
 def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None) -> list[str]:

@@ -41,8 +41,8 @@ def fit_atmosphere(
     photographs: str | PathLike | Sequence[str | PathLike],
     *,
     time: str | Sequence[str] | None = None,
-    site: tuple[float, float] | tuple[float, float, float] | None = None,
-    disc: int | None = None,
+    site: tuple[float, ...] | list[tuple[float, ...] | None] | None = None,
+    disc: int | list[int | None] | None = None,
     draws: int | None = None,
     seed: int = 0,
     chain: str | PathLike | None = None,
@@ -61,8 +61,9 @@ def fit_atmosphere(
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
     - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF
       says, if it is certain.
-    - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
-    - `disc`: which of several discs in a picture, from 1.
+    - `site`: latitude, longitude [degrees] and, where known, height [m]; or a list with one for each photograph. By
+      default, and for each None in a list, from EXIF, else the Earth's centre.
+    - `disc`: which of several discs in a picture, from 1; or a list with one for each photograph.
     - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
       posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.

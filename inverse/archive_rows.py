@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from eclipsejax.errors import InputError, printable
+from inverse.chain import digest
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
@@ -65,11 +66,6 @@ def program() -> str:
         if path.is_file() and not any(word in path.name for word in NO_PART_OF_A_FIT):
             total.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
     return f"{version('eclipsejax')}+{total.hexdigest()[:12]}"
-
-
-def digest(value: Any) -> str:
-    """sha256 of what JSON can hold."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def found(fit, task: Task, seconds: float) -> dict[str, Any]:

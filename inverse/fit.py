@@ -15,7 +15,7 @@ from inverse.chain import Record, read_record
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.information import information, under_independent_errors
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum, maximum
 from inverse.misfit_check import misfit_checks
 from inverse.noise_fit import fitted_errors
@@ -128,11 +128,11 @@ def conclude(
     seconds: float,
 ) -> Fit:
     """Put everything that was found into a `Fit`."""
-    random, size = np.random.default_rng(seed), len(prior.ATMOSPHERE)
-    prior_draws = random.standard_normal((4000, size))
+    random = np.random.default_rng(seed)
+    prior_draws = random.standard_normal((4000, LIMB))
     quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
-    shown = random.choice(found.z.reshape(-1, size), SHOWN)
-    normal = random.standard_normal((SHOWN, len(optimum.z) - size))
+    shown = random.choice(found.z.reshape(-1, LIMB), SHOWN)
+    normal = random.standard_normal((SHOWN, len(optimum.z) - LIMB))
     joint = np.array([with_nuisances(likelihood, optimum, z, n) for z, n in zip(shown, normal, strict=True)])
     photos = tuple(photo_fit(item, likelihood, i, optimum.z, joint) for i, item in enumerate(evidence))
     diagnostics = {

@@ -30,7 +30,6 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
     """
     found, named, named_prior = {}, {}, {}
     sd_z = np.sqrt(np.diag(optimum.covariance))
-    limb = LIMB
     draws = answer.z
 
     def add(name, unit, function, z_map, sd, samples, before, index):
@@ -50,7 +49,7 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
         )
         named[name], named_prior[name] = values, priors
 
-    z_limb = optimum.z[:limb]
+    z_limb = optimum.z[:LIMB]
     for index, parameter in enumerate(prior.ATMOSPHERE):
         one = lambda z, parameter=parameter, index=index: np.asarray(parameter.value(z[..., index]))
         slope = abs(float(parameter.slope(z_limb[index])))
@@ -62,15 +61,13 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
     }
     for name, (unit, quantity, index) in derived.items():
         every = jax.jit(jax.vmap(lambda z, quantity=quantity: quantity(prior.atmosphere(z))))
-        function = lambda z, every=every: np.asarray(every(z.reshape(-1, limb))).reshape(z.shape[:-1])
+        function = lambda z, every=every: np.asarray(every(z.reshape(-1, LIMB))).reshape(z.shape[:-1])
         gradient = jax.grad(lambda z, quantity=quantity: quantity(prior.atmosphere(z)))(jnp.asarray(z_limb))
-        covariance = optimum.covariance[:limb, :limb]
+        covariance = optimum.covariance[:LIMB, :LIMB]
         add(name, unit, function, z_limb, np.sqrt(gradient @ covariance @ gradient), draws, prior_draws, index)
 
-    for index, (parameter, name) in enumerate(zip(likelihood.parameters, likelihood.labels, strict=True)):
-        if index < limb:
-            continue
-        z, sd = float(optimum.z[index]), float(sd_z[index])
+    for index, parameter in enumerate(likelihood.parameters[LIMB:], LIMB):
+        name, z, sd = likelihood.labels[index], float(optimum.z[index]), float(sd_z[index])
         value = float(parameter.value(z))
         found[name] = Estimate(
             name=name,

@@ -47,12 +47,10 @@ class LimbPosterior:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        value = np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)]
-        value = -0.5 * (value + np.sum(z**2, axis=1))
-        return np.where(np.isfinite(value), value, -np.inf)
+        return log_density(z, np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)])
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
-        """Whitened misfits (draw, datum): minus twice the log density is the sum of their squares and of those of z."""
+        """Whitened misfits (draw, datum), whose squares make the `log_density`."""
         return np.concatenate(list(self._parts(z)))[: len(z)]
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
@@ -65,6 +63,15 @@ class LimbPosterior:
                 for still, errors, shift in zip(self.stills, self.likelihood.errors, self.shifts, strict=True)
             ]
             yield self.nuisances(np.concatenate(each)).T
+
+
+def log_density(z: np.ndarray, squares: np.ndarray) -> np.ndarray:
+    """Log densities of the posterior (draw,), up to a constant; -inf where not finite.
+
+    - `z`: (draw, parameter); `squares`: sums of the squared whitened misfits there (draw,).
+    """
+    value = -0.5 * (squares + np.sum(z**2, axis=1))
+    return np.where(np.isfinite(value), value, -np.inf)
 
 
 class Still(eqx.Module):

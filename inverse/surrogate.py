@@ -17,7 +17,7 @@ from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import sample
 from inverse.importance import LARGEST_K, Importance, weighed
-from inverse.posterior import LimbPosterior
+from inverse.posterior import LimbPosterior, log_density
 
 FIRST, MORE = 900, 900  # points worked out: about Laplace's Gaussian, then along each chain
 STRETCH = 1.4  # of the Gaussian that the first are drawn from
@@ -51,13 +51,13 @@ class Surrogate:
         *components, rest = self.misfits(places).T
         away = np.maximum(self.points.query(places)[0] / self.reach - 1.0, 0.0)
         squares = np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0)
-        return -0.5 * (squares + np.sum(z**2, axis=1)) - WALL * away**2
+        return log_density(z, squares) - WALL * away**2
 
 
 def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np.ndarray) -> Surrogate:
     """Interpolate between points.
 
-    - `z`: (point, parameter); `misfits`: whitened, whose squares with those of z make the log density (point, datum).
+    - `z`: (point, parameter); `misfits`: whitened, whose squares make the `log_density` (point, datum).
     """
     first = misfits.mean(axis=0)
     along = first / max(np.linalg.norm(first), 1e-300)
@@ -120,8 +120,7 @@ def interpolated(
         drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
         fresh = posterior.misfits(drawn)
         points += len(drawn)
-        exact = -0.5 * (np.sum(fresh**2, axis=1) + np.sum(drawn**2, axis=1))
-        exact = np.where(np.isfinite(exact), exact, -np.inf)
+        exact = log_density(drawn, np.sum(fresh**2, axis=1))
         found = Interpolated(weighed(drawn, exact, fast(drawn), random), chain, diagnosis, points)
         report(number, ROUNDS)
         if found.trusted:

@@ -12,6 +12,7 @@ from inverse import prior
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
+from inverse.gaussian import Gaussian
 from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
@@ -89,9 +90,8 @@ def answer(
     """
     centre, covariance = optimum.z[:LIMB], optimum.covariance[:LIMB, :LIMB]
     if draws == 0:
-        factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(LIMB))
         normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, LIMB))
-        return Answer("laplace", (centre + normal @ factor.T)[None])
+        return Answer("laplace", Gaussian.about(centre, covariance).at(normal)[None])
     density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)

@@ -15,7 +15,7 @@ from inverse.information import NOT_INFORMED
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import shadow_light
 from inverse.map_estimate import Optimum
-from inverse.misfit_check import unexplained
+from inverse.misfit_check import all_unexplained
 from inverse.photo_model import Disc, PhotoModel, signal, wings_at
 from inverse.result import Estimate, PhotoFit
 
@@ -185,9 +185,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sentences = [remark for item in evidence for remark in item.remarks]
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
-    for item, errors, check in zip(evidence, diagnostics["errors"], diagnostics["misfit_checks"], strict=True):
-        sentence = unexplained(item.name, errors, check)
-        sentences += [] if sentence is None else [sentence]
+    sentences += all_unexplained([item.name for item in evidence], diagnostics)
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(

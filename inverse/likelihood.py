@@ -19,7 +19,7 @@ from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors
-from inverse.photo_model import signal
+from inverse.photo_model import log_value, signal
 
 LIMB = len(prior.ATMOSPHERE)
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
@@ -101,14 +101,15 @@ class Likelihood:
         return replace(self, models=tuple(models))
 
     def _missing(self, model, number: int, table: ShadowTable) -> np.ndarray:
-        predicted = jnp.log(signal(model, table, jnp.zeros(len(model.parameters))) + model.floor).ravel()
-        return np.asarray(self.data[number] - predicted)[np.asarray(self.usable[number]) > 0]
+        predicted = log_value(model, signal(model, table, jnp.zeros(len(model.parameters))))
+        return np.asarray(self.data[number] - predicted.ravel())[np.asarray(self.usable[number]) > 0]
 
 
 @eqx.filter_jit
 def misfit(model, data, usable, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
     """Data minus model of one photograph, 0 where unusable."""
-    return usable * (data - model(table, nuisance).ravel())
+    predicted = log_value(model, model.signal(table, model.seen(nuisance), nuisance))
+    return usable * (data - predicted.ravel())
 
 
 @eqx.filter_jit

@@ -103,10 +103,6 @@ class PhotoModel(eqx.Module):
         light = (1.0 - nuisance["camera.glare"]) * light + nuisance["camera.glare"] * (self.wings @ around)
         return developed(self, with_veil(light, around, nuisance), nuisance)
 
-    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
-        """Log of the cells' values above the floor: what the likelihood compares."""
-        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
-
 
 class ProfileModel(eqx.Module):
     """As `PhotoModel`, for a profile of brightness against offset: no pointing, no pixels."""
@@ -136,9 +132,10 @@ class ProfileModel(eqx.Module):
         light = seen.light(table)
         return developed(self, with_veil(light, light, nuisance), nuisance)
 
-    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "bin 3"]:
-        """Log of the values above the floor."""
-        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
+
+def log_value(model, signal: Float[Array, "point 3"]) -> Float[Array, "point 3"]:
+    """Log of pixel values [full scale] above the model's floor: what the likelihood compares."""
+    return jnp.log(signal + model.floor)
 
 
 def with_veil(light, around, nuisance):

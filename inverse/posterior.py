@@ -21,7 +21,7 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.noise import whitener
-from inverse.photo_model import PhotoModel, ProfileModel
+from inverse.photo_model import PhotoModel, ProfileModel, log_value
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
@@ -94,8 +94,8 @@ class Still(eqx.Module):
         """Misfits for many tables of the shadow, given by their entries."""
 
         def misfit(log_light):
-            values = self.model.signal(shadow.table(log_light), self.seen, self.nuisance) + self.model.floor
-            return self.usable * (self.data - jnp.log(values).ravel())
+            signal = self.model.signal(shadow.table(log_light), self.seen, self.nuisance)
+            return self.usable * (self.data - log_value(self.model, signal).ravel())
 
         return jax.lax.map(misfit, entries, batch_size=TOGETHER)
 

@@ -13,13 +13,14 @@ from scipy.spatial import KDTree
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
+from eclipsejax.traced import real
 from inverse import noise, prior
 from inverse.cells import Cells, bin_photo
 from inverse.exposures import Exposed, log_exposures
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
 from inverse.photo import Photo, read_photo
-from inverse.photo_model import PhotoModel, photo_model, profile_model
+from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, register
 
@@ -167,22 +168,19 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             on_disc = np.ones(len(value), dtype=bool)
+            floor = floor_of(value, sigma, usable, on_disc)
+            model = profile_model(item.photo, item.where, floor)
             offset = item.photo.offset
             position = (offset / 4.6e-3)[:, None]  # in radii of the Moon
         else:
             assert item.cells is not None and item.registration is not None
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
             on_disc = item.cells.on_disc
-            position = np.stack([item.cells.right, item.cells.up], axis=1)
-            offset = None
-        disc_values = value[on_disc][usable[on_disc]]
-        dark = 3.0 * np.median(sigma[usable])
-        floor = max(FLOOR * float(np.median(disc_values)), float(dark), 1e-6)
-        if item.cells is None:
-            model = profile_model(item.photo, item.where, floor)
-        else:
+            floor = floor_of(value, sigma, usable, on_disc)
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
-        gain, width = jnp.asarray(exposure.relative), jnp.asarray(exposure.width)
+            offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
+            position = np.stack([item.cells.right, item.cells.up], axis=1)
+        gain, width = real(exposure.relative), real(exposure.width)
         models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)[:, None]
@@ -190,9 +188,6 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         mask.append(jnp.asarray(usable.astype(float).ravel()))
         # Where the floor rules, a relative error of the light is that much smaller in the log.
         share = usable * np.maximum(value, 0.0) / scale
-        if offset is None:
-            assert isinstance(model, PhotoModel)
-            offset = np.asarray(model.seen(jnp.zeros(len(model.parameters)))[0].offset)
         modes = noise.smooth_modes(position[on_disc], offset[on_disc])
         errors.append(noise.errors_of(np.sqrt(relative**2 + (sigma / scale) ** 2), modes, on_disc, share))
     shadow = shadow_of([item.where for item in evidence])
@@ -202,6 +197,12 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
     return likelihood.centred(list(groups.values()))
+
+
+def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: np.ndarray) -> float:
+    """Where the logs of a photograph's values end [full scale]."""
+    typical = float(np.median(value[on_disc][usable[on_disc]]))
+    return max(FLOOR * typical, 3.0 * float(np.median(sigma[usable])), 1e-6)
 
 
 def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:

@@ -21,7 +21,7 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.noise import whitener
-from inverse.photo_model import PhotoModel, ProfileModel, log_value
+from inverse.photo_model import PhotoModel, ProfileModel, log_value, seen
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
@@ -87,7 +87,7 @@ class Still(eqx.Module):
     def of(cls, likelihood: Likelihood, number: int, nuisance: np.ndarray) -> "Still":
         """A photograph of a likelihood, at these nuisances."""
         model, z = likelihood.models[number], jnp.asarray(nuisance)
-        return cls(model, _seen(model, z), likelihood.data[number], likelihood.usable[number], z)
+        return cls(model, seen(model, z), likelihood.data[number], likelihood.usable[number], z)
 
     @eqx.filter_jit
     def __call__(self, shadow: Shadow, entries: Float[Array, "draw offset 2 channel"]) -> Float[Array, "draw datum"]:
@@ -98,11 +98,6 @@ class Still(eqx.Module):
             return self.usable * (self.data - log_value(self.model, signal).ravel())
 
         return jax.lax.map(misfit, entries, batch_size=TOGETHER)
-
-
-@eqx.filter_jit
-def _seen(model, nuisance):
-    return model.seen(nuisance)
 
 
 @eqx.filter_jit

@@ -16,7 +16,7 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import shadow_light
 from inverse.map_estimate import Optimum
 from inverse.misfit_check import all_unexplained
-from inverse.photo_model import Disc, PhotoModel, signal, wings_at
+from inverse.photo_model import Disc, PhotoModel, seen, signal, wings_at
 from inverse.result import Estimate, PhotoFit
 
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
@@ -125,7 +125,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
             np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn,
         )  # fmt: skip
 
-    later, surface = _surface(model, jnp.asarray(z[place]))
+    surface, _ = seen(model, jnp.asarray(z[place]))
     cells, reach = item.cells, 1.3
     line = np.linspace(-reach, reach, PICTURE)
     right, up = np.meshgrid(line, -line)
@@ -142,7 +142,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
     picture = at(dense, z).reshape(PICTURE, PICTURE, 3)
     return PhotoFit(
         name=item.name,
-        utc=later.utc,
+        utc=_later(model, jnp.asarray(z[place])).utc,
         registration=item.registration,
         offset=np.asarray(surface.offset),
         on_disc=cells.on_disc,
@@ -158,9 +158,9 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
 
 
 @eqx.filter_jit
-def _surface(model: PhotoModel, z):
-    """Geometry at the fitted time, and the surface behind the cells."""
-    return model.geometry.after(prior.values(model.parameters, z)["clock"]), model.seen(z)[0]
+def _later(model: PhotoModel, z):
+    """The geometry, moved by what the clock is found to be wrong by."""
+    return model.geometry.after(prior.values(model.parameters, z)["clock"])
 
 
 def _photograph(photo, registration, right, up):

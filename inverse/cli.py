@@ -7,7 +7,7 @@ from pathlib import Path
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
-from inverse import archive_command
+from inverse.archive import command as archive_command
 from inverse.progress_bars import Bars
 
 DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"

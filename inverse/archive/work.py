@@ -11,8 +11,8 @@ from typing import Any
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
-from inverse.archive_limits import Limits, limited
-from inverse.archive_rows import (
+from inverse.archive.limits import Limits, limited
+from inverse.archive.rows import (
     Task,
     Unwritable,
     disk_trouble,

@@ -31,9 +31,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
 
 def archive(options: Namespace) -> bool:
     """Make the archive and say what came of it; whether every fit converged."""
-    from inverse.archive import TOGETHER, make_archive
-    from inverse.archive_limits import Limits
-    from inverse.archive_rows import FAILED, NOT_CONVERGED, OK
+    from inverse.archive.limits import Limits
+    from inverse.archive.maker import TOGETHER, make_archive
+    from inverse.archive.rows import FAILED, NOT_CONVERGED, OK
 
     wrong = [name for name in EXCLUDED if getattr(options, name)]
     if wrong or len(options.photographs) != 1:

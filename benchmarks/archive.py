@@ -17,7 +17,7 @@ from pathlib import Path
 
 from benchmarks.measure import Measurement, report
 from eclipsejax import session
-from inverse.archive import make_archive
+from inverse.archive.maker import make_archive
 from tests import synthetic
 
 WORKERS = (1, 2)

@@ -64,7 +64,7 @@ def fitted(number: int, draws: int | None, folder: Path) -> dict:
 
 def run(count: int, draws: int | None, workers: int, folder: Path) -> list[dict]:
     """Rows of the first `count` photographs, kept ones and new."""
-    from inverse.archive_rows import program
+    from inverse.archive.rows import program
 
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{'default' if draws is None else draws}-{program()}.jsonl"

@@ -12,8 +12,9 @@ from inverse import prior
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
+from inverse.gaussian import Gaussian
 from inverse.importance import Importance, importance
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
 from inverse.posterior import LimbPosterior
 from inverse.result import NEAR_ZERO
@@ -86,12 +87,10 @@ def answer(
     - `before`: a chain to go on with.
     - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
     """
-    size = len(prior.ATMOSPHERE)
-    centre, covariance = optimum.z[:size], optimum.covariance[:size, :size]
+    centre, covariance = optimum.z[:LIMB], optimum.covariance[:LIMB, :LIMB]
     if draws == 0:
-        factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
-        normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, size))
-        return Answer("laplace", (centre + normal @ factor.T)[None])
+        normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, LIMB))
+        return Answer("laplace", Gaussian.about(centre, covariance).at(normal)[None])
     density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)
@@ -118,7 +117,7 @@ def answer(
     value = np.moveaxis(chain.log_posterior[:, diagnosis.burn_in :], 1, 2)
     together = z.shape[0] * z.shape[1]
     return Answer(
-        "emcee", z.reshape(together, -1, size), value.reshape(together, -1), weighed, chain, diagnosis
+        "emcee", z.reshape(together, -1, LIMB), value.reshape(together, -1), weighed, chain, diagnosis
     )  # fmt: skip
 
 
@@ -148,7 +147,7 @@ def check_same_density(density, chain: Chain) -> None:
             )
 
 
-def identity(evidence, parameters, disc: int | None, seed: int) -> dict[str, Any]:
+def identity(evidence, parameters, disc: int | list[int | None] | None, seed: int) -> dict[str, Any]:
     """What a chain depends on, for `chain.Record`."""
     return {
         "photographs": [item.photo.sha256 for item in evidence],

@@ -124,9 +124,9 @@ def _group(file: h5py.File, name: str) -> h5py.Group:
     return group
 
 
-def digest(identity: Mapping[str, Any]) -> str:
-    """The sha256 of an identity."""
-    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+def digest(value: Any) -> str:
+    """sha256 of what JSON can hold."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def _differences(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> str:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
-from inverse import archive_command
+from inverse.archive import command as archive_command
+from inverse.progress_bars import Bars
 
 DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"
 DEMO_DISC, DEMO_TIME, DEMO_SITE = 4, "2022-05-16T04:06:00Z", (-10.944, -37.056)
@@ -54,10 +55,10 @@ def _command(arguments: Sequence[str] | None) -> None:
     if options.resume and not chain.exists():
         print(f"There is no {chain} to go on with: the fit begins anew.")
     try:
-        with _Bars() as bars:
+        with Bars() as bars:
             fit = fit_atmosphere(
                 photographs, time=time, site=site, disc=disc, draws=options.draws, seed=options.seed, chain=chain,
-                resume=options.resume, progress=bars,
+                resume=options.resume, progress=lambda now: bars(now.stage, now.done, now.total),
             )  # fmt: skip
     except KeyboardInterrupt:
         if chain.exists():
@@ -108,32 +109,6 @@ def _demo():
         print(f"{error} The brightness profile measured from it takes its place.")
         return [data_file(DEMO_PROFILE)], None, DEMO_SITE, None
     return [path], DEMO_TIME, DEMO_SITE, DEMO_DISC
-
-
-class _Bars:
-    """One progress bar a stage."""
-
-    def __init__(self):
-        self.bar, self.stage = None, ""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._close()
-
-    def _close(self):
-        if self.bar is not None:
-            self.bar.close()
-
-    def __call__(self, progress):
-        from tqdm import tqdm
-
-        if progress.stage != self.stage:
-            self._close()
-            self.stage, self.bar = progress.stage, tqdm(total=progress.total, desc=progress.stage, unit="")
-        assert self.bar is not None
-        self.bar.update(progress.done - self.bar.n)
 
 
 if __name__ == "__main__":

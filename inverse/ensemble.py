@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from inverse.chain import Chain
 from inverse.diagnostics import diagnose, long_enough
+from inverse.gaussian import Gaussian
 
 # Differential evolution; never emcee 3.1.6's snooker move, whose samples are up to 40 % too narrow.
 MOVES = ((emcee.moves.DEMove, {}, 0.9), (emcee.moves.DEMove, {"gamma0": 1.0}, 0.1))
@@ -93,11 +94,10 @@ def _start(density: Density, centre, covariance, random: np.random.RandomState) 
     Along a thin curved ridge most of Laplace's draws lie far beside it: a posterior of eight parameters held walkers
     there for 500 steps, 20 below the best in log density.
     """
-    size = len(centre)
-    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(size))
+    size, gaussian = len(centre), Gaussian.about(centre, covariance)
     z, value, depth = np.zeros((0, size)), np.zeros(0), np.zeros(0)
     for _ in range(START_ROUNDS):
-        fresh = centre + random.standard_normal((WALKERS, size)) @ factor.T
+        fresh = gaussian.at(random.standard_normal((WALKERS, size)))
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
         with np.errstate(invalid="ignore"):
             depth = np.where(np.isfinite(value), value.max() - value, np.inf)

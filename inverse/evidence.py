@@ -13,13 +13,14 @@ from scipy.spatial import KDTree
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
+from eclipsejax.traced import real
 from inverse import noise, prior
 from inverse.cells import Cells, bin_photo
 from inverse.exposures import Exposed, log_exposures
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
 from inverse.photo import Photo, read_photo
-from inverse.photo_model import PhotoModel, photo_model, profile_model
+from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, register
 
@@ -64,26 +65,31 @@ def gather(
     paths: Sequence,
     *,
     time: str | Sequence[str] | None,
-    site: tuple | list[tuple | None] | None,
+    site: tuple[float, ...] | list[tuple[float, ...] | None] | None,
     disc: int | list[int | None] | None,
     progress: Callable[[str, int, int], None],
 ) -> list[Evidence]:
-    """Read and register every photograph; the arguments are those of `fit_atmosphere`.
-
-    - `site`, `disc`: of all, or a list with one for each.
-    """
+    """Read and register every photograph; the arguments are those of `fit_atmosphere`."""
     if not paths:
         raise InputError("There is nothing to fit: name at least one photograph.")
     photos = [read_profile(path) if str(path).lower().endswith(".csv") else read_photo(path) for path in paths]
     times = times_of(photos, time)
     one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
-    sites = site if isinstance(site, list) else [site] * len(photos)
-    discs = disc if isinstance(disc, list) else [disc] * len(photos)
+    sites, discs = _each(site, len(photos), "Sites"), _each(disc, len(photos), "Discs")
     found = []
     for number, item in enumerate(zip(photos, times, sites, discs, strict=True), 1):
         found.append(_place(*item, one_clock))
         progress("registering", number, len(photos))
     return found
+
+
+def _each(given, count: int, what: str) -> list:
+    """An item for each photograph, of what may be one for all or a list."""
+    if not isinstance(given, list):
+        return [given] * count
+    if len(given) != count:
+        raise InputError(f"{what}: {len(given)} for {count} photographs; give one for each, or one for all.")
+    return given
 
 
 def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None) -> list[str]:
@@ -162,30 +168,24 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             on_disc = np.ones(len(value), dtype=bool)
+            floor = floor_of(value, sigma, usable, on_disc)
+            model = profile_model(item.photo, item.where, floor)
             offset = item.photo.offset
             position = (offset / 4.6e-3)[:, None]  # in radii of the Moon
         else:
             assert item.cells is not None and item.registration is not None
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
             on_disc = item.cells.on_disc
-            position = np.stack([item.cells.right, item.cells.up], axis=1)
-            offset = None
-        disc_values = value[on_disc][usable[on_disc]]
-        dark = 3.0 * np.median(sigma[usable])
-        floor = max(FLOOR * float(np.median(disc_values)), float(dark), 1e-6)
-        if item.cells is None:
-            model = profile_model(item.photo, item.where, floor)
-        else:
+            floor = floor_of(value, sigma, usable, on_disc)
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
-        gain, width = jnp.asarray(exposure.relative), jnp.asarray(exposure.width)
+            offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
+            position = np.stack([item.cells.right, item.cells.up], axis=1)
+        gain, width = real(exposure.relative), real(exposure.width)
         models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)
         data.append(jnp.asarray(np.log(scale).ravel()))
         mask.append(jnp.asarray(usable.astype(float).ravel()))
-        if offset is None:
-            assert isinstance(model, PhotoModel)
-            offset = np.asarray(model.seen(jnp.zeros(len(model.parameters)))[0].offset)
         modes = noise.smooth_modes(position[on_disc], offset[on_disc])
         sources.append(noise.Sources(sigma / scale, relative, modes, on_disc, usable))
     shadow = shadow_of([item.where for item in evidence])
@@ -196,6 +196,12 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         groups.setdefault(keys.get("gain", number), []).append(number)
     likelihood = likelihood.centred(list(groups.values()))
     return likelihood.carried(np.zeros(len(likelihood.parameters)))
+
+
+def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: np.ndarray) -> float:
+    """Where the logs of a photograph's values end [full scale]."""
+    typical = float(np.median(value[on_disc][usable[on_disc]]))
+    return max(FLOOR * typical, 3.0 * float(np.median(sigma[usable])), 1e-6)
 
 
 def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:

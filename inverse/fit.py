@@ -15,7 +15,7 @@ from inverse.chain import Record, read_record
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.information import information, under_independent_errors
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum, maximum
 from inverse.misfit_check import misfit_checks
 from inverse.noise_fit import fitted_errors
@@ -41,8 +41,8 @@ def fit_atmosphere(
     photographs: str | PathLike | Sequence[str | PathLike],
     *,
     time: str | Sequence[str] | None = None,
-    site: tuple[float, float] | tuple[float, float, float] | None = None,
-    disc: int | None = None,
+    site: tuple[float, ...] | list[tuple[float, ...] | None] | None = None,
+    disc: int | list[int | None] | None = None,
     draws: int | None = None,
     seed: int = 0,
     chain: str | PathLike | None = None,
@@ -61,8 +61,9 @@ def fit_atmosphere(
     - `photographs`: one or several files of one eclipse, or profiles (`inverse.profile`, .csv).
     - `time`: UTC of each, or of the first if the others' clocks are known relative to its; by default what EXIF
       says, if it is certain.
-    - `site`: latitude, longitude [degrees] and height [m]; by default from EXIF, else the Earth's centre.
-    - `disc`: which of several discs in a picture, from 1.
+    - `site`: latitude, longitude [degrees] and, where known, height [m]; or a list with one for each photograph. By
+      default, and for each None in a list, from EXIF, else the Earth's centre.
+    - `disc`: which of several discs in a picture, from 1; or a list with one for each photograph.
     - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
       posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.
@@ -127,11 +128,11 @@ def conclude(
     seconds: float,
 ) -> Fit:
     """Put everything that was found into a `Fit`."""
-    random, size = np.random.default_rng(seed), len(prior.ATMOSPHERE)
-    prior_draws = random.standard_normal((4000, size))
+    random = np.random.default_rng(seed)
+    prior_draws = random.standard_normal((4000, LIMB))
     quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
-    shown = random.choice(found.z.reshape(-1, size), SHOWN)
-    normal = random.standard_normal((SHOWN, len(optimum.z) - size))
+    shown = random.choice(found.z.reshape(-1, LIMB), SHOWN)
+    normal = random.standard_normal((SHOWN, len(optimum.z) - LIMB))
     joint = np.array([with_nuisances(likelihood, optimum, z, n) for z, n in zip(shown, normal, strict=True)])
     photos = tuple(photo_fit(item, likelihood, i, optimum.z, joint) for i, item in enumerate(evidence))
     diagnostics = {

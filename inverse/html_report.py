@@ -10,7 +10,7 @@ import numpy as np
 from inverse.corner_plot import METHODS
 from inverse.html_page import folded, heading, listed, page, paragraph, picture, table
 from inverse.information import NOT_INFORMED, in_words, independent_in_words
-from inverse.misfit_check import unexplained
+from inverse.misfit_check import all_unexplained
 from inverse.result import Estimate, Fit
 
 PINATUBO = (0.10, 0.15)  # optical depth of the stratosphere in the two years after June 1991
@@ -81,11 +81,7 @@ def plain_sentence(fit: Fit) -> str:
 def doubts(fit: Fit) -> list[str]:
     """Why the numbers may be worth nothing, one sentence each."""
     found = [] if fit.diagnostics.get("converged", True) else ["The optimiser did not converge."]
-    errors, checks = fit.diagnostics.get("errors", ()), fit.diagnostics.get("misfit_checks", ())
-    for photo, error, check in zip(fit.photos, errors, checks, strict=False):
-        sentence = unexplained(photo.name, error, check)
-        found += [] if sentence is None else [sentence]
-    return found
+    return found + all_unexplained([photo.name for photo in fit.photos], fit.diagnostics)
 
 
 def _limb(fit: Fit) -> list[str]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inverse.diagnostics import LEAST_SAMPLES, arviz
+from inverse.gaussian import Gaussian
 
 LARGEST_K = 0.7
 DRAWS, MOST_DRAWS = 2000, 8000
@@ -44,13 +45,12 @@ def importance(
 
     - `density`: log densities (draw,) of points (draw, parameter).
     """
-    random = np.random.default_rng(seed)
-    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(centre)))
+    random, proposal = np.random.default_rng(seed), Gaussian.about(centre, covariance)
     normal, value = np.zeros((0, len(centre))), np.zeros(0)
 
     def more(count):
         fresh = random.standard_normal((count, len(centre)))
-        return np.concatenate([normal, fresh]), np.concatenate([value, density(centre + fresh @ factor.T)])
+        return np.concatenate([normal, fresh]), np.concatenate([value, density(proposal.at(fresh))])
 
     normal, value = more(DRAWS)
     weight, k_hat = _weights(value + 0.5 * np.sum(normal**2, axis=1))
@@ -59,7 +59,7 @@ def importance(
     if k_hat < LARGEST_K and DRAWS < wanted <= MOST_DRAWS:
         normal, value = more(wanted - DRAWS)
         weight, k_hat = _weights(value + 0.5 * np.sum(normal**2, axis=1))
-    return _resampled(centre + normal @ factor.T, value, weight, k_hat, random)
+    return _resampled(proposal.at(normal), value, weight, k_hat, random)
 
 
 def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, random) -> Importance:

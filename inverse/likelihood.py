@@ -19,7 +19,7 @@ from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors, Sources
-from inverse.photo_model import signal
+from inverse.photo_model import log_value, signal
 
 LIMB = len(prior.ATMOSPHERE)
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
@@ -113,14 +113,15 @@ class Likelihood:
         return replace(self, errors=tuple(found), carried_at=np.asarray(z))
 
     def _missing(self, model, number: int, table: ShadowTable) -> np.ndarray:
-        predicted = jnp.log(signal(model, table, jnp.zeros(len(model.parameters))) + model.floor).ravel()
-        return np.asarray(self.data[number] - predicted)[np.asarray(self.usable[number]) > 0]
+        predicted = log_value(model, signal(model, table, jnp.zeros(len(model.parameters))))
+        return np.asarray(self.data[number] - predicted.ravel())[np.asarray(self.usable[number]) > 0]
 
 
 @eqx.filter_jit
 def misfit(model, data, usable, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
     """Data minus model of one photograph, 0 where unusable."""
-    return usable * (data - model(table, nuisance).ravel())
+    predicted = log_value(model, model.signal(table, model.seen(nuisance), nuisance))
+    return usable * (data - predicted.ravel())
 
 
 @eqx.filter_jit
@@ -129,7 +130,12 @@ def response(model, shadow: Shadow, light, nuisance) -> Float[Array, "cell value
 
     - `light`: entries of the shadow's table.
     """
-    return jax.jacfwd(lambda by: model(shadow.table(light + by), nuisance))(jnp.zeros(light.shape[-1]))
+    where = model.seen(nuisance)
+
+    def value(by):
+        return log_value(model, model.signal(shadow.table(light + by), where, nuisance))
+
+    return jax.jacfwd(value)(jnp.zeros(light.shape[-1]))
 
 
 @eqx.filter_jit

@@ -8,7 +8,7 @@ same misfits, and outliers given less weight: a chi-squared near its expectation
 that only the priors of those sizes held them back.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,17 @@ def _check(misfit: np.ndarray, slopes: np.ndarray, covariance: np.ndarray, count
         return {"chi_squared": value, "effective_data": expected, "per_datum": 1.0, "p": 1.0}
     p = float(chi2.sf(value, expected))
     return {"chi_squared": value, "effective_data": expected, "per_datum": value / expected, "p": p}
+
+
+def all_unexplained(names: Sequence[str], diagnostics: Mapping[str, Any]) -> list[str]:
+    """Sentences for the photographs that the model does not explain.
+
+    - `names`: of all of them; `diagnostics`: those of the `Fit`, which may lack what this is judged by.
+    """
+    if "errors" not in diagnostics or "misfit_checks" not in diagnostics:
+        return []
+    each = zip(names, diagnostics["errors"], diagnostics["misfit_checks"], strict=True)
+    return [sentence for one in each if (sentence := unexplained(*one)) is not None]
 
 
 def unexplained(name: str, errors: Mapping[str, float], check: Mapping[str, Any]) -> str | None:

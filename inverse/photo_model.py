@@ -12,6 +12,7 @@ from eclipsejax.moon import Moon, lunar_map
 from eclipsejax.render import surface_reflectance
 from eclipsejax.scene import axis_offset, disc_points
 from eclipsejax.shadow_table import ShadowTable
+from eclipsejax.traced import real
 from inverse import prior
 from inverse.cells import Cells
 
@@ -103,10 +104,6 @@ class PhotoModel(eqx.Module):
         light = (1.0 - nuisance["camera.glare"]) * light + nuisance["camera.glare"] * (self.wings @ around)
         return developed(self, with_veil(light, around, nuisance), nuisance)
 
-    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
-        """Log of the cells' values above the floor: what the likelihood compares."""
-        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
-
 
 class ProfileModel(eqx.Module):
     """As `PhotoModel`, for a profile of brightness against offset: no pointing, no pixels."""
@@ -136,9 +133,10 @@ class ProfileModel(eqx.Module):
         light = seen.light(table)
         return developed(self, with_veil(light, light, nuisance), nuisance)
 
-    def __call__(self, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "bin 3"]:
-        """Log of the values above the floor."""
-        return jnp.log(self.signal(table, self.seen(z), z) + self.floor)
+
+def log_value(model, signal: Float[Array, "point 3"]) -> Float[Array, "point 3"]:
+    """Log of pixel values [full scale] above the model's floor: what the likelihood compares."""
+    return jnp.log(signal + model.floor)
 
 
 def with_veil(light, around, nuisance):
@@ -189,16 +187,16 @@ def photo_model(photo, registration, where: Geometry, cells: Cells, floor: float
     right, up = right[inside], up[inside]
     return PhotoModel(
         geometry=where,
-        roll=jnp.asarray(registration.roll),
+        roll=real(registration.roll),
         moon=Moon(albedo_map=lunar_map(256)),
         cells=Disc(jnp.asarray(cells.right), jnp.asarray(cells.up)),
         glare_points=Disc(jnp.asarray(right), jnp.asarray(up)),
         wings=jnp.asarray(wings_at(cells.right, cells.up, right, up)),
         on_disc=jnp.asarray(cells.on_disc, dtype=float),
         primaries=jnp.asarray(photo.primaries),
-        gain=jnp.asarray(0.0),
-        exposure_width=jnp.asarray(FREE_EXPOSURE),
-        floor=jnp.asarray(floor),
+        gain=real(0.0),
+        exposure_width=real(FREE_EXPOSURE),
+        floor=real(floor),
         mirror=registration.mirror,
         tone_curve=photo.tone_curve,
     )
@@ -211,9 +209,9 @@ def profile_model(profile, where: Geometry, floor: float) -> ProfileModel:
         distance=jnp.linalg.norm(where.moon) - 0.6 * MOON_RADIUS,
         albedo=jnp.asarray(profile.surface),
         primaries=jnp.eye(3),
-        gain=jnp.asarray(0.0),
-        exposure_width=jnp.asarray(FREE_EXPOSURE),
-        floor=jnp.asarray(floor),
+        gain=real(0.0),
+        exposure_width=real(FREE_EXPOSURE),
+        floor=real(floor),
         tone_curve=profile.tone_curve,
     )
 
@@ -223,6 +221,12 @@ def wings_at(right, up, point_right, point_up) -> np.ndarray:
     apart = (right[:, None] - point_right) ** 2 + (up[:, None] - point_up) ** 2
     density = (1.0 + apart / GLARE_SCALE**2) ** -1.5 / (2 * np.pi * GLARE_SCALE**2)
     return density / GLARE_POINTS_PER_RADIUS**2
+
+
+@eqx.filter_jit
+def seen(model, z: Float[Array, " parameter"]):
+    """What of the Moon one photograph or profile shows, compiled by itself."""
+    return model.seen(z)
 
 
 @eqx.filter_jit

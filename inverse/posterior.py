@@ -21,7 +21,7 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.noise import whitener
-from inverse.photo_model import PhotoModel, ProfileModel
+from inverse.photo_model import PhotoModel, ProfileModel, log_value, seen
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
@@ -47,12 +47,10 @@ class LimbPosterior:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        value = np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)]
-        value = -0.5 * (value + np.sum(z**2, axis=1))
-        return np.where(np.isfinite(value), value, -np.inf)
+        return log_density(z, np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)])
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
-        """Whitened misfits (draw, datum): minus twice the log density is the sum of their squares and of those of z."""
+        """Whitened misfits (draw, datum), whose squares make the `log_density`."""
         return np.concatenate(list(self._parts(z)))[: len(z)]
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
@@ -65,6 +63,15 @@ class LimbPosterior:
                 for still, errors, shift in zip(self.stills, self.likelihood.errors, self.shifts, strict=True)
             ]
             yield self.nuisances(np.concatenate(each)).T
+
+
+def log_density(z: np.ndarray, squares: np.ndarray) -> np.ndarray:
+    """Log densities of the posterior (draw,), up to a constant; -inf where not finite.
+
+    - `z`: (draw, parameter); `squares`: sums of the squared whitened misfits there (draw,).
+    """
+    value = -0.5 * (squares + np.sum(z**2, axis=1))
+    return np.where(np.isfinite(value), value, -np.inf)
 
 
 class Still(eqx.Module):
@@ -80,22 +87,17 @@ class Still(eqx.Module):
     def of(cls, likelihood: Likelihood, number: int, nuisance: np.ndarray) -> "Still":
         """A photograph of a likelihood, at these nuisances."""
         model, z = likelihood.models[number], jnp.asarray(nuisance)
-        return cls(model, _seen(model, z), likelihood.data[number], likelihood.usable[number], z)
+        return cls(model, seen(model, z), likelihood.data[number], likelihood.usable[number], z)
 
     @eqx.filter_jit
     def __call__(self, shadow: Shadow, entries: Float[Array, "draw offset 2 channel"]) -> Float[Array, "draw datum"]:
         """Misfits for many tables of the shadow, given by their entries."""
 
         def misfit(log_light):
-            values = self.model.signal(shadow.table(log_light), self.seen, self.nuisance) + self.model.floor
-            return self.usable * (self.data - jnp.log(values).ravel())
+            signal = self.model.signal(shadow.table(log_light), self.seen, self.nuisance)
+            return self.usable * (self.data - log_value(self.model, signal).ravel())
 
         return jax.lax.map(misfit, entries, batch_size=TOGETHER)
-
-
-@eqx.filter_jit
-def _seen(model, nuisance):
-    return model.seen(nuisance)
 
 
 @eqx.filter_jit

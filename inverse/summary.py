@@ -15,8 +15,8 @@ from inverse.information import NOT_INFORMED
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import shadow_light
 from inverse.map_estimate import Optimum
-from inverse.misfit_check import unexplained
-from inverse.photo_model import Disc, PhotoModel, signal, wings_at
+from inverse.misfit_check import all_unexplained
+from inverse.photo_model import Disc, PhotoModel, seen, signal, wings_at
 from inverse.result import Estimate, PhotoFit
 
 DENSITY_HEIGHT = 18e3  # m: temperature and pressure at the ground are seen through the density up there
@@ -30,7 +30,6 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
     """
     found, named, named_prior = {}, {}, {}
     sd_z = np.sqrt(np.diag(optimum.covariance))
-    limb = LIMB
     draws = answer.z
 
     def add(name, unit, function, z_map, sd, samples, before, index):
@@ -50,7 +49,7 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
         )
         named[name], named_prior[name] = values, priors
 
-    z_limb = optimum.z[:limb]
+    z_limb = optimum.z[:LIMB]
     for index, parameter in enumerate(prior.ATMOSPHERE):
         one = lambda z, parameter=parameter, index=index: np.asarray(parameter.value(z[..., index]))
         slope = abs(float(parameter.slope(z_limb[index])))
@@ -62,15 +61,13 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
     }
     for name, (unit, quantity, index) in derived.items():
         every = jax.jit(jax.vmap(lambda z, quantity=quantity: quantity(prior.atmosphere(z))))
-        function = lambda z, every=every: np.asarray(every(z.reshape(-1, limb))).reshape(z.shape[:-1])
+        function = lambda z, every=every: np.asarray(every(z.reshape(-1, LIMB))).reshape(z.shape[:-1])
         gradient = jax.grad(lambda z, quantity=quantity: quantity(prior.atmosphere(z)))(jnp.asarray(z_limb))
-        covariance = optimum.covariance[:limb, :limb]
+        covariance = optimum.covariance[:LIMB, :LIMB]
         add(name, unit, function, z_limb, np.sqrt(gradient @ covariance @ gradient), draws, prior_draws, index)
 
-    for index, (parameter, name) in enumerate(zip(likelihood.parameters, likelihood.labels, strict=True)):
-        if index < limb:
-            continue
-        z, sd = float(optimum.z[index]), float(sd_z[index])
+    for index, parameter in enumerate(likelihood.parameters[LIMB:], LIMB):
+        name, z, sd = likelihood.labels[index], float(optimum.z[index]), float(sd_z[index])
         value = float(parameter.value(z))
         found[name] = Estimate(
             name=name,
@@ -128,7 +125,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
             np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn,
         )  # fmt: skip
 
-    later, surface = _surface(model, jnp.asarray(z[place]))
+    surface, _ = seen(model, jnp.asarray(z[place]))
     cells, reach = item.cells, 1.3
     line = np.linspace(-reach, reach, PICTURE)
     right, up = np.meshgrid(line, -line)
@@ -145,7 +142,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
     picture = at(dense, z).reshape(PICTURE, PICTURE, 3)
     return PhotoFit(
         name=item.name,
-        utc=later.utc,
+        utc=_later(model, jnp.asarray(z[place])).utc,
         registration=item.registration,
         offset=np.asarray(surface.offset),
         on_disc=cells.on_disc,
@@ -161,9 +158,9 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
 
 
 @eqx.filter_jit
-def _surface(model: PhotoModel, z):
-    """Geometry at the fitted time, and the surface behind the cells."""
-    return model.geometry.after(prior.values(model.parameters, z)["clock"]), model.seen(z)[0]
+def _later(model: PhotoModel, z):
+    """The geometry, moved by what the clock is found to be wrong by."""
+    return model.geometry.after(prior.values(model.parameters, z)["clock"])
 
 
 def _photograph(photo, registration, right, up):
@@ -188,9 +185,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sentences = [remark for item in evidence for remark in item.remarks]
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
-    for item, errors, check in zip(evidence, diagnostics["errors"], diagnostics["misfit_checks"], strict=True):
-        sentence = unexplained(item.name, errors, check)
-        sentences += [] if sentence is None else [sentence]
+    sentences += all_unexplained([item.name for item in evidence], diagnostics)
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:
         sentences.append(

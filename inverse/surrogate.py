@@ -16,8 +16,9 @@ from scipy.spatial import KDTree
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import sample
+from inverse.gaussian import Gaussian
 from inverse.importance import LARGEST_K, Importance, weighed
-from inverse.posterior import LimbPosterior
+from inverse.posterior import LimbPosterior, log_density
 
 FIRST, MORE = 900, 900  # points worked out: about Laplace's Gaussian, then along each chain
 STRETCH = 1.4  # of the Gaussian that the first are drawn from
@@ -33,13 +34,11 @@ STRAY, WALL = 1.5, 10.0  # times the largest usual distance between points; stee
 class Surrogate:
     """Log posterior of the limb, interpolated.
 
-    - `centre`, `factor`: of the Gaussian whose deviates the points are given in.
-    - `points`: where it was worked out, in those deviates.
+    - `gaussian`: Laplace's; `points`: where the posterior was worked out, in its deviates.
     - `misfits`: interpolates components of the misfit, and last the square of what they leave out.
     """
 
-    centre: np.ndarray
-    factor: np.ndarray
+    gaussian: Gaussian
     points: KDTree
     reach: float
     """How far from the nearest of the points it is believed."""
@@ -47,17 +46,18 @@ class Surrogate:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); falling off where there are no points near."""
-        places = np.linalg.solve(self.factor, (z - self.centre).T).T
+        places = self.gaussian.deviates(z)
         *components, rest = self.misfits(places).T
         away = np.maximum(self.points.query(places)[0] / self.reach - 1.0, 0.0)
         squares = np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0)
-        return -0.5 * (squares + np.sum(z**2, axis=1)) - WALL * away**2
+        return log_density(z, squares) - WALL * away**2
 
 
-def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np.ndarray) -> Surrogate:
+def surrogate(z: np.ndarray, misfits: np.ndarray, gaussian: Gaussian) -> Surrogate:
     """Interpolate between points.
 
-    - `z`: (point, parameter); `misfits`: whitened, whose squares with those of z make the log density (point, datum).
+    - `z`: (point, parameter); `misfits`: whitened, whose squares make the `log_density` (point, datum).
+    - `gaussian`: in whose deviates distances are measured.
     """
     first = misfits.mean(axis=0)
     along = first / max(np.linalg.norm(first), 1e-300)
@@ -69,11 +69,11 @@ def surrogate(z: np.ndarray, misfits: np.ndarray, centre: np.ndarray, factor: np
     count = min(COMPONENTS, int(np.searchsorted(-left_out, -LEFT_OUT)) + 1, int(np.sum(value > 1e-12 * value[0])))
     components = np.column_stack([misfits @ along, vector[:, :count] * np.sqrt(value[:count])])
     rest = np.sum(misfits**2, axis=1) - np.sum(components**2, axis=1)
-    places = np.linalg.solve(factor, (z - centre).T).T
+    places = gaussian.deviates(z)
     targets = np.column_stack([components, rest])
     tree = KDTree(places)
     reach = STRAY * float(np.quantile(tree.query(places, k=2)[0][:, 1], 0.99))
-    return Surrogate(centre, factor, tree, reach, RBFInterpolator(places, targets, kernel="cubic", degree=2))
+    return Surrogate(gaussian, tree, reach, RBFInterpolator(places, targets, kernel="cubic", degree=2))
 
 
 @dataclass(frozen=True)
@@ -105,23 +105,21 @@ def interpolated(
     report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Interpolated:
     """Sample a posterior through a surrogate, refined where its chain goes, until the weights can be trusted."""
-    random = np.random.default_rng(seed)
-    factor = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(centre)))
-    z = centre + STRETCH * random.standard_normal((FIRST, len(centre))) @ factor.T
+    random, gaussian = np.random.default_rng(seed), Gaussian.about(centre, covariance)
+    z = gaussian.at(STRETCH * random.standard_normal((FIRST, len(centre))))
     misfits = posterior.misfits(z)
     found, points = None, len(z)
     long = False
     for number in range(1, ROUNDS + 1):
         known = np.isfinite(misfits).all(axis=1)
-        fast = surrogate(z[known], misfits[known], centre, factor)
+        fast = surrogate(z[known], misfits[known], gaussian)
         long = long or number == ROUNDS
         chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
         diagnosis = diagnose(chain.z)
         drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
         fresh = posterior.misfits(drawn)
         points += len(drawn)
-        exact = -0.5 * (np.sum(fresh**2, axis=1) + np.sum(drawn**2, axis=1))
-        exact = np.where(np.isfinite(exact), exact, -np.inf)
+        exact = log_density(drawn, np.sum(fresh**2, axis=1))
         found = Interpolated(weighed(drawn, exact, fast(drawn), random), chain, diagnosis, points)
         report(number, ROUNDS)
         if found.trusted:

@@ -37,7 +37,7 @@ def photograph(path: Path, *words) -> Path:
 
 
 def fit(task, chain: Path, resume: bool) -> Fit:
-    """What `inverse.archive_work.fitted` does, without the work."""
+    """What `inverse.archive.work.fitted` does, without the work."""
     hashes, states = [], set()
     for path in task.paths:
         data = Path(path).read_bytes()
@@ -100,7 +100,7 @@ def made(task, hashes, converged=True, limit=False) -> QuickFit:
 def main() -> int:
     """The command `fit_atmosphere`, with this fit in place of the real one."""
     from inverse import cli
-    from inverse.archive import make_archive
+    from inverse.archive.maker import make_archive
     from tests.archive_fakes import fit as importable  # by workers, which know no __main__
 
     assert make_archive.__kwdefaults__

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import inverse
 from eclipsejax.errors import InputError
-from inverse import archive_fetch, cli
-from inverse.archive import make_archive
-from inverse.archive_catalogue import listed
-from inverse.archive_plot import eruptions, optical_depth_plot, year_of
-from inverse.archive_rows import Task, program, read_row, row_file
-from inverse.archive_tables import COLUMNS
+from inverse import cli
+from inverse.archive import fetch
+from inverse.archive.catalogue import listed
+from inverse.archive.maker import make_archive
+from inverse.archive.plot import eruptions, optical_depth_plot, year_of
+from inverse.archive.rows import Task, files_of_a_fit, program, read_row, row_file
+from inverse.archive.tables import COLUMNS
 from tests import archive_fakes as fakes
 from tests import synthetic
 
@@ -27,7 +29,7 @@ TOTALITY = "2022-05-16T04:06:00Z"
 def plain(monkeypatch, request):
     """Archives without their plot, which takes a second, but where it is looked at."""
     if not request.node.name.startswith("test_rows_of"):
-        monkeypatch.setattr("inverse.archive.optical_depth_plot", lambda rows, path: None)
+        monkeypatch.setattr("inverse.archive.maker.optical_depth_plot", lambda rows, path: None)
 
 
 def made(folder: Path, **options):
@@ -185,7 +187,7 @@ def network(monkeypatch):
                 raise sent["error"]
             return Answer(sent["data"], sent.get("promised", len(sent["data"])))
 
-    monkeypatch.setattr(archive_fetch, "_opener", Opener)
+    monkeypatch.setattr(fetch, "_opener", Opener)
     return sent
 
 
@@ -210,7 +212,7 @@ def test_a_photograph_is_fetched_once_under_a_name_that_its_address_does_not_cho
     ],
 )
 def test_what_cannot_be_fetched_leaves_a_row_and_no_file(tmp_path, network, monkeypatch, answer, words):
-    monkeypatch.setattr(archive_fetch, "MOST_BYTES", 2000)
+    monkeypatch.setattr(fetch, "MOST_BYTES", 2000)
     network |= answer
     path = catalogue(tmp_path, f"file,sha256\nhttps://example.org/moon.jpg,{'0' * 64}\n")
     (row,) = make_archive(path, tmp_path / "out", workers=0, fit=fakes.fit)
@@ -220,7 +222,7 @@ def test_what_cannot_be_fetched_leaves_a_row_and_no_file(tmp_path, network, monk
 
 def test_a_redirect_away_from_https_is_refused():
     with pytest.raises(InputError, match="not an https address"):
-        archive_fetch._OnlyHttps().redirect_request(None, None, 302, "", {}, "http://example.org/")
+        fetch._OnlyHttps().redirect_request(None, None, 302, "", {}, "http://example.org/")
 
 
 # Rows
@@ -339,8 +341,19 @@ def test_keys_depend_on_bytes_configuration_and_version_but_not_on_names(tmp_pat
         and Task(("b.jpg",), *(getattr(one, n) for n in ("sha256", "times", "sites", "discs"))).key == one.key
     )
     assert program().startswith(version("eclipsejax") + "+")
-    monkeypatch.setattr("inverse.archive_rows.program", lambda: "99")
+    monkeypatch.setattr("inverse.archive.rows.program", lambda: "99")
     assert one.key not in keys
+
+
+def test_the_version_is_of_the_code_that_a_fit_goes_through():
+    inside = {path.relative_to(Path(inverse.__file__).parents[1]).as_posix() for path in files_of_a_fit()}
+    assert inside >= {
+        "inverse/fit.py",
+        "inverse/catalogue.py",
+        "eclipsejax/limb.py",
+        "eclipsejax/tables/atmosphere_profiles_afgl1986.csv",
+    }
+    assert not any("archive" in name or name.endswith(("cli.py", "progress_bars.py")) for name in inside)
 
 
 def test_what_failed_is_done_again_only_on_request(tmp_path):

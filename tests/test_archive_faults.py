@@ -199,7 +199,7 @@ class Cluster:
 
 def test_no_scheduler_is_one_sentence(tmp_path, monkeypatch):
     put(tmp_path, 1)
-    program = "import tests.archive_fakes as f, inverse.archive as a; a.CONNECT = 2; raise SystemExit(f.main())"
+    program = "import tests.archive_fakes as f, inverse.archive.maker as a; a.CONNECT = 2; raise SystemExit(f.main())"
     done = subprocess.run(
         [sys.executable, "-c", program, *command(tmp_path, "--scheduler", "tcp://127.0.0.1:9")[3:]],
         capture_output=True, text=True, timeout=60, cwd=tmp_path, env=ENVIRONMENT,

@@ -10,7 +10,9 @@ from PIL import Image
 
 from eclipsejax.errors import InputError
 from inverse import cli
+from inverse.catalogue import data_file
 from inverse.chain import read_record
+from inverse.evidence import gather
 from inverse.fit import fit_atmosphere
 from tests import synthetic
 
@@ -108,6 +110,20 @@ def test_a_photograph_made_by_the_model_is_explained_and_says_something(fitted):
     assert known["parameters"]["air.surface_pressure"]["prior_dominated"]
     assert 3 < known["degrees_of_freedom"]["limb"] < known["degrees_of_freedom"]["total"]
     assert diagnostics["independent_errors"]["dust.extinction"]["ratio"] > 1
+
+
+def test_each_photograph_may_have_a_site_of_its_own():
+    profile, there = data_file(cli.DEMO_PROFILE), (42.7, -73.7, 80.0)
+
+    def gathered(site, disc):
+        return gather([profile] * 2, time=None, site=site, disc=disc, progress=lambda *_: None)
+
+    assert [item.site for item in gathered([cli.DEMO_SITE, there], [None, 1])] == [cli.DEMO_SITE, there]
+    assert [item.site for item in gathered(there, 1)] == [there, there]
+    with pytest.raises(InputError, match="Sites: 3 for 2 photographs"):
+        gathered([there] * 3, None)
+    with pytest.raises(InputError, match="Discs: 1 for 2 photographs"):
+        gathered(there, [1])
 
 
 def landscape(path):

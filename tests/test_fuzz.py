@@ -24,7 +24,7 @@ from PIL import Image, ImageCms, PngImagePlugin
 
 from eclipsejax.errors import InputError
 from inverse import cli
-from inverse.archive_catalogue import Listed, listed
+from inverse.archive.catalogue import Listed, listed
 from inverse.photo import Photo, read_photo
 from inverse.profile import Profile, read_profile
 from tests import dng

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from inverse.diagnostics import LEAST_SAMPLES
+from inverse.gaussian import Gaussian
 from inverse.surrogate import COMPONENTS, interpolated, surrogate
 
 SIZE, DATA = 5, 60
@@ -69,12 +70,11 @@ def test_moments_are_those_of_the_posterior(bend):
 
 def test_a_surrogate_goes_through_its_points():
     posterior, random = Bent(0.4), np.random.default_rng(2)
-    centre, covariance = posterior.laplace()
-    factor = np.linalg.cholesky(covariance)
-    z = centre + random.standard_normal((300, SIZE)) @ factor.T
-    fast = surrogate(z, posterior.misfits(z), centre, factor)
+    gaussian = Gaussian.about(*posterior.laplace())
+    z = gaussian.at(random.standard_normal((300, SIZE)))
+    fast = surrogate(z, posterior.misfits(z), gaussian)
     np.testing.assert_allclose(fast(z), posterior(z), atol=1e-2)
-    between = centre + random.standard_normal((100, SIZE)) @ factor.T
+    between = gaussian.at(random.standard_normal((100, SIZE)))
     assert np.std(fast(between) - posterior(between)) < 0.1
     assert fast.misfits.d.shape[1] <= COMPONENTS + 2
 

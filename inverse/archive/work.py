@@ -11,8 +11,8 @@ from typing import Any
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
-from inverse.archive_limits import Limits, limited
-from inverse.archive_rows import (
+from inverse.archive.limits import Limits, limited
+from inverse.archive.rows import (
     Task,
     Unwritable,
     disk_trouble,
@@ -35,15 +35,10 @@ def fitted(task: Task, chain: Path, resume: bool):
     from inverse.fit import fit_atmosphere
 
     times = [time for time in task.times if time is not None]
-    # Sites and discs go through to `evidence.gather`, which takes a list of them too.
-    given: dict[str, Any] = {"site": list(task.sites), "disc": list(task.discs)}
-    if len(set(task.sites)) == 1:
-        given["site"] = task.sites[0]
-    if len(set(task.discs)) == 1:
-        given["disc"] = task.discs[0]
     return fit_atmosphere(
-        list(task.paths), time=times or None, draws=task.draws, seed=task.seed, chain=chain, resume=resume, **given
-    )
+        task.paths, time=times or None, site=list(task.sites), disc=list(task.discs), draws=task.draws, seed=task.seed,
+        chain=chain, resume=resume,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Any
 from eclipsejax.almanac import Eclipse, nearest_eclipse
 from eclipsejax.calendar import read_clock
 from eclipsejax.errors import InputError
-from inverse.archive_catalogue import Listed, check_eclipse
-from inverse.archive_rows import FAILED, OK, Task
+from inverse.archive.catalogue import Listed, check_eclipse
+from inverse.archive.rows import FAILED, OK, Task
 
 Row = dict[str, Any]
 

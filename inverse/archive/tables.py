@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from inverse.archive_rows import QUANTITIES, write_whole
+from inverse.archive.rows import QUANTITIES, write_whole
 
 _ENDS = ("median", "sd", "ci68_low", "ci68_high", "ci95_low", "ci95_high", "upper_limit")
 COLUMNS: dict[str, type] = {

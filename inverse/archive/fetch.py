@@ -9,8 +9,8 @@ from urllib.parse import urlsplit
 from urllib.request import HTTPRedirectHandler, Request, build_opener
 
 from eclipsejax.errors import InputError
-from inverse.archive_catalogue import Listed, check_address
-from inverse.archive_rows import unwritable
+from inverse.archive.catalogue import Listed, check_address
+from inverse.archive.rows import unwritable
 from inverse.filetype import SUFFIXES
 
 MOST_BYTES = 300e6

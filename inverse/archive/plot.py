@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eclipsejax.calendar import day_number, read_clock
-from inverse.archive_rows import FAILED
+from inverse.archive.rows import FAILED
 from inverse.catalogue import data_file
 from inverse.page import drawn
 

@@ -11,6 +11,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
@@ -18,10 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from eclipsejax.errors import InputError, printable
+from inverse.chain import digest
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
-NO_PART_OF_A_FIT = ("archive", "cli", "plot", "report", "page", "movie", "selftest")  # in names of modules
+NO_PART_OF_A_FIT = ("cli", "progress", "plot", "report", "page", "movie", "selftest")  # in names of modules
 OK, NOT_CONVERGED, FAILED = "ok", "not converged", "failed"
 
 
@@ -60,20 +62,22 @@ class Task:
 def program() -> str:
     """Version of this program, with a hash of the code and tables that a fit goes through: a checkout changes daily."""
     total = hashlib.sha256()
-    home = Path(__file__).resolve().parents[1]
-    for path in sorted([*home.glob("inverse/*.py"), *home.glob("eclipsejax/*.py"), *home.glob("eclipsejax/tables/*")]):
-        if path.is_file() and not any(word in path.name for word in NO_PART_OF_A_FIT):
-            total.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
+    for path in files_of_a_fit():
+        total.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
     return f"{version('eclipsejax')}+{total.hexdigest()[:12]}"
 
 
-def digest(value: Any) -> str:
-    """sha256 of what JSON can hold."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+def files_of_a_fit() -> list[Path]:
+    """The code and tables that a fit goes through; packages within the two, such as this one, are no part of it."""
+    home = Path(__file__).resolve().parents[2]
+    every = [*home.glob("inverse/*.py"), *home.glob("eclipsejax/*.py"), *home.glob("eclipsejax/tables/*")]
+    return [
+        path for path in sorted(every) if path.is_file() and not any(word in path.name for word in NO_PART_OF_A_FIT)
+    ]
 
 
 def found(fit, task: Task, seconds: float) -> dict[str, Any]:
-    """The content of a row from a `Fit`; columns are those of `inverse.archive_tables`."""
+    """The content of a row from a `Fit`; columns are those of `inverse.archive.tables`."""
     told: Mapping[str, Any] = fit.diagnostics
     sampler, weighed = told.get("sampler") or {}, told.get("psis") or {}
     converged = bool(told.get("converged", False)) and bool(sampler.get("converged", True))
@@ -163,10 +167,8 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         os.replace(part, path)
     except OSError as error:
-        try:
+        with suppress(OSError):
             part.unlink(missing_ok=True)
-        except OSError:
-            pass
         raise unwritable(path.parent, error) from None
 
 

@@ -1,6 +1,6 @@
 """Many photographs of many eclipses, each fitted by itself and each eclipse as one: here, or on a cluster.
 
-Whatever ends the work, what was finished is kept (`inverse.archive_rows`), and the same call does the rest. Workers are
+Whatever ends the work, what was finished is kept (`inverse.archive.rows`), and the same call does the rest. Workers are
 processes, of this machine or of a Dask cluster whose machines all see the photographs and the folder of the archive.
 """
 
@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from eclipsejax.errors import InputError
-from inverse.archive_catalogue import Listed, listed
-from inverse.archive_eclipses import Member, Row, by_eclipse, eclipse_row, member, photograph_row, together
-from inverse.archive_fetch import file_of
-from inverse.archive_limits import Limits
-from inverse.archive_plot import optical_depth_plot
-from inverse.archive_rows import FAILED, Task, failed, program, read_row, unwritable, write_row
-from inverse.archive_tables import write_csv, write_parquet
-from inverse.archive_work import Desk, alone, fitted, forget, prepared, work
+from inverse.archive.catalogue import Listed, listed
+from inverse.archive.eclipses import Member, Row, by_eclipse, eclipse_row, member, photograph_row, together
+from inverse.archive.fetch import file_of
+from inverse.archive.limits import Limits
+from inverse.archive.plot import optical_depth_plot
+from inverse.archive.rows import FAILED, Task, failed, program, read_row, unwritable, write_row
+from inverse.archive.tables import write_csv, write_parquet
+from inverse.archive.work import Desk, alone, fitted, forget, prepared, work
 
 MEMORY_OF_A_WORKER = 3e9  # bytes, of a fit of a few photographs of 24 megapixels
 READERS = 8  # threads that fetch and hash
@@ -51,7 +51,7 @@ def make_archive(
 ) -> list[Row]:
     """Fit all photographs of a catalogue or folder; the rows of `archive.csv`, which is written last.
 
-    - `source`: a catalogue (`inverse.archive_catalogue` has the format) or a folder; `out`: folder of the archive.
+    - `source`: a catalogue (`inverse.archive.catalogue` has the format) or a folder; `out`: folder of the archive.
     - `site`, `disc`: where a photograph has none of its own. `draws`, `seed`: those of `fit_atmosphere`.
     - `workers`: processes on this machine; 0 to work in this one; by default what cores and memory allow.
     - `scheduler`: address of a Dask scheduler, in place of `workers`.
@@ -192,7 +192,7 @@ class _Crew:
             ) from None
         if self.client is not None:
             return as_completed(loop=self.client.loop)
-        config.set({"distributed.scheduler.allowed-failures": 1000})  # `archive_work` counts for itself
+        config.set({"distributed.scheduler.allowed-failures": 1000})  # `work` counts for itself
         for name in ("distributed", "distributed.client", "distributed.scheduler", "distributed.worker"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what is lost is said in one sentence
         try:

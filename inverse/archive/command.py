@@ -7,6 +7,7 @@ from pathlib import Path
 
 from eclipsejax import session
 from eclipsejax.errors import InputError
+from inverse.progress_bars import Bars
 
 SHOWN = 20  # sentences on what failed
 MOST_SECONDS = 7200.0  # sampling takes a quarter of an hour
@@ -30,9 +31,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
 
 def archive(options: Namespace) -> bool:
     """Make the archive and say what came of it; whether every fit converged."""
-    from inverse.archive import TOGETHER, make_archive
-    from inverse.archive_limits import Limits
-    from inverse.archive_rows import FAILED, NOT_CONVERGED, OK
+    from inverse.archive.limits import Limits
+    from inverse.archive.maker import TOGETHER, make_archive
+    from inverse.archive.rows import FAILED, NOT_CONVERGED, OK
 
     wrong = [name for name in EXCLUDED if getattr(options, name)]
     if wrong or len(options.photographs) != 1:
@@ -46,7 +47,7 @@ def archive(options: Namespace) -> bool:
         seconds = None
     limits = Limits(seconds, None if memory is None else 1e9 * memory)
     try:
-        with _Bars() as bars:
+        with Bars() as bars:
             rows = make_archive(
                 options.photographs[0].strip(), options.archive, site=options.site, disc=options.disc,
                 draws=options.draws, seed=options.seed, workers=options.workers, scheduler=options.scheduler,
@@ -88,26 +89,3 @@ def _count(text: str) -> int:
     if value != int(value):
         raise argparse.ArgumentTypeError(f"{text.strip()} is not a whole number")
     return int(value)
-
-
-class _Bars:
-    """One progress bar a stage."""
-
-    def __init__(self):
-        self.bar, self.stage = None, ""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.bar is not None:
-            self.bar.close()
-
-    def __call__(self, stage: str, done: int, total: int):
-        from tqdm import tqdm
-
-        if stage != self.stage:
-            self.__exit__()
-            self.stage, self.bar = stage, tqdm(total=total, desc=stage, unit="")
-        assert self.bar is not None
-        self.bar.update(done - self.bar.n)

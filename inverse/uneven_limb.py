@@ -3,7 +3,7 @@
 Every sharp feature of the light against the offset from the axis comes from a bend of the temperature profile, the
 tropopause above all: a step of 5 % where the Sun's edge touches the caustic of its rays, 0.8' farther out for every
 kelvin that the limb is warmer. The Earth's limb is 50 K warmer and its tropopause 8 km higher in the tropics than at a
-pole: all limbs together have no such step. A fit that believes in it finds the temperature of the limb to half a kelvin
+pole: 12 K of spread alone halve the step. A fit that believes in it finds the temperature of the limb to half a kelvin
 in whatever noise looks like the step, or finds several temperatures.
 """
 

@@ -115,7 +115,9 @@ def test_chart_prints_where_the_moon_stands_and_draws_it(capsys, tmp_path):
 
 def test_totality_is_rendered_red_and_bright_enough_to_see(capsys, tmp_path):
     assert cli.main(["render", TOTALITY, "-o", str(tmp_path / "moon.png"), *SMALL]) == 0
-    brightened, wrote = capsys.readouterr().out.splitlines()
+    brightened, dimmed, wrote = capsys.readouterr().out.splitlines()
+    lost, magnitude, number = map(float, re.findall(r"-?\d+\.\d", dimmed))
+    assert 9.5 < lost < 12.5 and magnitude == pytest.approx(lost - 12.9, abs=0.4) and 1.0 < number < 4.0
     match = re.fullmatch(r"The Moon is brightened ([\d,]+) times\.", brightened)
     assert match and float(match[1].replace(",", "")) > 100
     assert "moon.png" in wrote and TOTALITY in wrote and "48 x 48" in wrote

@@ -1,7 +1,7 @@
 """The table of a flattened Earth's shadow: that of a round Earth, and how the light swings about it with the angle.
 
 To first order in the flattening, 1/298, the light changes with the angle about the axis as the cosine of twice that
-angle does, and its mean is that of a round Earth (`LimbShape.rounded`): to 2e-4 (tests/test_flattened_table.py). Most
+angle does, and its mean is that of a round Earth (`LimbShape.rounded`): to 4e-4 (tests/test_flattened_table.py). Most
 of the swing is the outline's own, by which offsets are scaled before they are looked up (`scene.rounded_offset`). What
 is left, up to 1.4 % in the blue within 20' of the axis, where rays from all around the limb cross and the point to
 which a round Earth's would converge is drawn out into an astroid, is worked out from sectors at few offsets. That

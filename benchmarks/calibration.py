@@ -1,7 +1,7 @@
 """Whether the intervals of a fit can be believed: photographs drawn from its prior, fitted as users do.
 
     python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
-    python -m benchmarks.calibration --count 60 --quick    # Laplace's Gaussian and its weights alone
+    python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
 
 Each photograph is a row of a file that is kept, and the same command does what is left, so that it may be stopped at

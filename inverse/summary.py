@@ -134,7 +134,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         lambda model: (model.cells, model.wings, model.on_disc),
         model,
         (
-            Disc(jnp.asarray(right), jnp.asarray(up)),
+            Disc(jnp.asarray(right), jnp.asarray(up), 0.0),
             jnp.asarray(wings_at(right, up, np.asarray(model.glare_points.right), np.asarray(model.glare_points.up))),
             jnp.asarray(np.hypot(right, up) < 1.0, dtype=float),
         ),

@@ -32,6 +32,15 @@ def test_batches_of_any_length_give_what_single_points_give(posterior):
     np.testing.assert_allclose(together, -0.5 * (np.sum(misfits**2, axis=1) + np.sum(z**2, axis=1)), rtol=1e-9)
 
 
+def test_a_number_that_is_lost_anywhere_is_lost_in_every_datum(likelihood):
+    """Were it taken for darkness on its way, the posterior would be finite, and wrong."""
+    usable = np.asarray(likelihood.usable[0]) > 0
+    for index in range(len(likelihood.parameters)):
+        z = np.zeros(len(likelihood.parameters))
+        z[index] = np.nan
+        assert np.isnan(likelihood.misfits(z)[0][usable]).all(), likelihood.labels[index]
+
+
 def test_nuisances_are_integrated_out(likelihood, posterior):
     """About the optimum the joint posterior is a Gaussian in them, whose integral is known."""
     limb = np.full(LIMB, 0.1)

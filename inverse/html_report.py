@@ -183,10 +183,23 @@ def _errors(fit: Fit) -> list[str]:
 
 def _drawing(diagnostics: Mapping[str, Any]) -> list[str]:
     method = str(diagnostics.get("method", "laplace"))
-    rows = [[name, value] for key in ("psis", "sampler") for name, value in _flat(diagnostics.get(key) or {}, key)]
+    rows = [
+        [name, value]
+        for key in ("psis", "sampler", "evaluated", "not_finite")
+        for name, value in _flat(diagnostics.get(key) or {}, key)
+    ]
     others = [
         [name, value]
-        for key in ("converged", "steps", "costs_of_starts", "condition_number", "residual_rms", "cells", "seconds")
+        for key in (
+            "converged",
+            "steps",
+            "costs_of_starts",
+            "steps_not_finite",
+            "condition_number",
+            "residual_rms",
+            "cells",
+            "seconds",
+        )
         if key in diagnostics
         for name, value in _flat(diagnostics[key], key)
     ]

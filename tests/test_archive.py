@@ -252,6 +252,7 @@ def test_rows_of_photographs_and_eclipses(tmp_path):
         and first["stratospheric_optical_depth_upper_limit"] is None
     )
     assert (first["latitude"], first["longitude"], first["height"]) == (-10.94, -37.06, None)
+    assert first["not_finite"] == 3 and photographs[4].get("not_finite") is None
     assert first["k_hat"] is None  # infinite, which JSON has not
     assert "line 6: not/there.jpg does not exist" in photographs[4]["error"]
     assert (tmp_path / "out" / "optical_depth.png").stat().st_size > 5000

@@ -93,6 +93,7 @@ def found(fit, task: Task, seconds: float) -> dict[str, Any]:
         "cells": sum(told.get("cells") or [0]),
         "k_hat": _number(weighed.get("k_hat")),
         "r_hat": _number(sampler.get("r_hat")),
+        "not_finite": told.get("not_finite"),
         "warnings": len(fit.warnings),
         "warnings_text": " ".join(fit.warnings),
     }

@@ -14,6 +14,7 @@ from eclipsejax.errors import InputError, printable
 from inverse.archive.catalogue import Listed, check_address
 from inverse.archive.rows import unwritable
 from inverse.filetype import SUFFIXES
+from inverse.whole_file import whole_file
 
 MOST_BYTES = 300e6
 MOST_SECONDS = 900.0  # altogether; one answer may take SILENCE
@@ -64,14 +65,10 @@ def fetched(address: str, folder: Path, sha256: str | None = None) -> tuple[Path
         found = file_hash(path)
         if sha256 in (None, found):
             return path, found
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path, f".{os.getpid()}") as part:
         found = _streamed(address, part)
         if sha256 not in (None, found):
             raise InputError(f"{address} is another file than the catalogue says: its sha256 is {found}.")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return path, found
 
 
@@ -97,8 +94,6 @@ def _streamed(address: str, part: Path) -> str:
                 raise
             reason = " ".join(str(getattr(error, "reason", None) or error).split()) or type(error).__name__
             raise InputError(f"{address} cannot be fetched ({reason}): check the address and the network.") from None
-        file.flush()
-        os.fsync(file.fileno())
     return digest.hexdigest()
 
 

@@ -15,7 +15,7 @@ help:
 	@echo "make docs       build the documentation in site/; broken references fail"
 	@echo "make bench      measure speed against error, here and of others; rewrites benchmarks/results/"
 	@echo "make render     render an eclipse to out/eclipse.png"
-	@echo "make picture    render the picture of the README"
+	@echo "make picture    make the pictures of the README"
 	@echo "make clean      remove all that make has made, .venv included"
 
 demo: $(READY)
@@ -47,6 +47,8 @@ render: $(READY)
 
 picture: $(READY)
 	$(BIN)/eclipsejax render 2022-05-16T04:11:30Z --size 320 -o docs/eclipse-2022-05-16.png
+	$(BIN)/eclipsejax chart 2008-02-21 --site 42.73,-73.68 -o docs/chart-2008-02-21.png
+	$(BIN)/python docs/pictures.py
 
 clean:
 	rm -rf .venv out demo site .pytest_cache .ruff_cache .hypothesis

@@ -1,7 +1,7 @@
 """Whether the intervals of a fit can be believed: photographs drawn from its prior, fitted as users do.
 
     python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
-    python -m benchmarks.calibration --count 60 --quick    # Laplace's Gaussian and its weights alone
+    python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
 
 Each photograph is a row of a file that is kept, and the same command does what is left, so that it may be stopped at
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.coverage import LEVELS, coverage, farthest
+from benchmarks.coverage import LEVELS, coverage, least_tail, smallest_tail
 from eclipsejax import session
 
 SEED = 20221108
@@ -103,7 +103,7 @@ def summary(rows: list[dict]) -> dict:
     for name in QUANTITIES:
         ranks = np.array([row["rank"][name] for row in fits])
         parts = [coverage(ranks, level, len(LEVELS) * len(QUANTITIES)) for level in LEVELS]
-        tail, least = farthest(ranks, len(QUANTITIES))
+        tail, least = float(smallest_tail(ranks[None])[0]), least_tail(len(ranks), len(QUANTITIES))
         found["quantities"][name] = {
             **{f"{100 * part.level:.0f}": {"share": part.share, "band": [part.low, part.high], "inside": part.inside}
                for part in parts},

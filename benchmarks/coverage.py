@@ -5,6 +5,7 @@ are those that a right posterior stays within with 95 %, over all that is tested
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.stats import binom
@@ -46,21 +47,25 @@ def coverage(ranks: np.ndarray, level: float, tests: int) -> Coverage:
     return Coverage(level, float(inside.mean()), float(low), float(high))
 
 
-def farthest(ranks: np.ndarray, tests: int, seed: int = 0) -> tuple[float, float]:
-    """How improbable the least probable value of the ranks' distribution is, and what a right posterior's may be.
+def smallest_tail(ranks: np.ndarray) -> np.ndarray:
+    """How improbable the least probable value of the ranks' distribution function is (sample,).
 
-    The smallest two-sided binomial tail over a grid of ranks (Sailynoja, Buerkner & Vehtari 2022, Stat. Comput. 32:32);
-    its limit is simulated.
+    The smallest two-sided binomial tail over a grid of ranks (Sailynoja, Buerkner & Vehtari 2022, Stat. Comput. 32:32).
+
+    - `ranks`: (sample, photograph).
     """
-    random = np.random.default_rng(seed)
-    smallest = _smallest_tail(random.uniform(size=(SIMULATIONS, len(ranks))))
-    return float(_smallest_tail(ranks[None])[0]), float(np.quantile(smallest, (1.0 - CONFIDENCE) / tests))
-
-
-def _smallest_tail(ranks: np.ndarray) -> np.ndarray:
-    """Of samples (sample, photograph)."""
     grid = np.arange(1, GRID) / GRID
     count = ranks.shape[1]
-    below = np.stack([(ranks <= point).sum(axis=1) for point in grid], axis=1)
-    tail = np.minimum(binom.cdf(below, count, grid), binom.sf(below - 1, count, grid))
-    return 2.0 * tail.min(axis=1)
+    number = np.arange(count + 1)
+    below_or_at = binom.cdf(number, count, grid[:, None])
+    at_or_above = binom.sf(number - 1, count, grid[:, None])
+    tail = np.minimum(below_or_at, at_or_above)
+    below = np.stack([(ranks <= point).sum(axis=1) for point in grid])
+    return 2.0 * np.take_along_axis(tail, below, axis=1).min(axis=0)
+
+
+@cache
+def least_tail(count: int, tests: int, seed: int = 0) -> float:
+    """The limit of `smallest_tail` for so many photographs, by simulation; `tests`: as of `coverage`."""
+    uniform = np.random.default_rng(seed).uniform(size=(SIMULATIONS, count))
+    return float(np.quantile(smallest_tail(uniform), (1.0 - CONFIDENCE) / tests))

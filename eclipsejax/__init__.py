@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from eclipsejax.almanac import Eclipse as Eclipse
     from eclipsejax.almanac import eclipses as eclipses
     from eclipsejax.almanac import nearest_eclipse as nearest_eclipse
+    from eclipsejax.aspect import Aspect as Aspect
+    from eclipsejax.aspect import aspect as aspect
     from eclipsejax.atmosphere import Atmosphere as Atmosphere
     from eclipsejax.atmosphere import Clouds as Clouds
     from eclipsejax.atmosphere import Dust as Dust
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "air": ["Air"],
     "almanac": ["Eclipse", "eclipses", "nearest_eclipse"],
+    "aspect": ["Aspect", "aspect"],
     "atmosphere": ["Atmosphere", "Clouds", "Dust", "Haze", "Ozone", "extinction", "refractivity"],
     "camera": ["Camera", "Exposure", "ToneCurve", "expose"],
     "dust_of_brightness": ["DustPosterior", "dimmings", "dust_of_dimming", "uncertain_limbs"],

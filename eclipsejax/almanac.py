@@ -99,6 +99,13 @@ def nearest_eclipse(utc: str) -> Eclipse:
     return _described(np.array([number]))[0]
 
 
+def in_order(eclipse: Eclipse) -> dict[str, str]:
+    """Times of the contacts and of greatest eclipse by name, from the first to the last."""
+    named = [*eclipse.contacts.items()]
+    middle = len(named) // 2
+    return dict([*named[:middle], ("greatest", eclipse.greatest), *named[middle:]])
+
+
 def instant(clock: Clock, text: str):
     """Skyfield's time for a clock that lies in the span of the table (its very end may be named, as a stop).
 
@@ -137,7 +144,7 @@ def _retarded(coefficients: np.ndarray, days, light_time: float) -> tuple[np.nda
     )
 
 
-def _shadow(moon: np.ndarray, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def shadow_circles(moon: np.ndarray, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Separation of the Moon's centre from the shadow's axis, and radii of umbra, penumbra and Moon [rad].
 
     Danjon (1951) enlarges the Moon's parallax by 1/100 for the atmosphere: penumbra 1.01 pi_M + pi_S + s_S,
@@ -165,7 +172,7 @@ def _contact_days(numbers: np.ndarray) -> np.ndarray:
     for _ in range(32):  # 4 microseconds
         middle = 0.5 * (low + high)
         here = places(numbers, side * middle)
-        separation, umbra, penumbra, moon = _shadow(here.moon, here.sun)
+        separation, umbra, penumbra, moon = shadow_circles(here.moon, here.sun)
         inside = separation < np.where(penumbral, penumbra, umbra) + touching * moon
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return side * 0.5 * (low + high)
@@ -175,7 +182,7 @@ def _described(numbers: np.ndarray) -> list[Eclipse]:
     """The almanac's account of the numbered eclipses."""
     greatest = table().greatest[numbers]
     here = places(numbers, np.zeros(len(numbers)))
-    separation, umbra, penumbra, moon = _shadow(here.moon, here.sun)
+    separation, umbra, penumbra, moon = shadow_circles(here.moon, here.sun)
     umbral_magnitude = (umbra + moon - separation) / (2.0 * moon)
     penumbral_magnitude = (penumbra + moon - separation) / (2.0 * moon)
     along = np.sum(here.moon * here.sun, axis=-1) / np.sum(here.sun**2, axis=-1)

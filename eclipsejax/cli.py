@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from eclipsejax import session
-from eclipsejax.commands import doctor, gallery, listing, movie, render, texture
+from eclipsejax.commands import chart, doctor, gallery, listing, movie, render, texture
 
-COMMANDS = (listing, render, movie, texture, gallery, doctor)
+COMMANDS = (listing, chart, render, movie, texture, gallery, doctor)
 UNWELL = 1
 
 

@@ -16,8 +16,8 @@ from eclipsejax.arc import sector_moments
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.errors import InputError
-from eclipsejax.limb_shape import LimbShape
-from eclipsejax.limb_table import LimbTable, limb_table
+from eclipsejax.limb_shape import Ground, LimbShape
+from eclipsejax.limb_table import limb_table
 from eclipsejax.ring import AXIS, LimbRays, Sky, ring_light
 from eclipsejax.sounding import Sounding
 from eclipsejax.sunlight import sky_angle, whole_sun
@@ -78,10 +78,8 @@ class Sector(eqx.Module):
     """Of its middle, from north through east [rad]."""
     centre: Float[Array, "... 2"]
     """Of its circle, north and east of the shadow's axis [m]."""
-    radius: Float[Array, "..."]
-    """Of its circle [m]."""
-    ray_radius: Float[Array, "..."]
-    """Of the ground along the ray [m]."""
+    ground: Ground
+    """With the radius of its circle."""
 
     @classmethod
     def around(cls, shape: LimbShape | None, count: int) -> "Sector":
@@ -89,17 +87,8 @@ class Sector(eqx.Module):
         angle = jnp.asarray(limb_angles(count))
         if shape is None:
             same = jnp.full(count, EARTH_RADIUS)
-            return cls(angle, jnp.zeros((count, 2)), same, same)
-        return cls(angle, shape.centre(angle), shape.curvature_radius(angle), shape.ray_radius(angle))
-
-    def fitted(self, table: LimbTable) -> LimbTable:
-        """Rays traced over the sphere, over this ground: the bending and the columns of air that is thin against its
-        radius grow with the square root of that, here to 1e-5 of either."""
-        stretch = self.ray_radius / EARTH_RADIUS
-        lift = (table.lift * stretch).at[..., 0].add(self.radius - EARTH_RADIUS)
-        root = jnp.sqrt(stretch)
-        return eqx.tree_at(lambda t: (t.lift, t.bending, t.columns), table,
-                           (lift, table.bending * root, table.columns * root))  # fmt: skip
+            return cls(angle, jnp.zeros((count, 2)), Ground(same, same))
+        return cls(angle, shape.centre(angle), Ground(shape.curvature_radius(angle), shape.ray_radius(angle)))
 
     def seen(self, offset, position_angle, distance, sun_distance):
         """(offset, position angle) of a point from the axis through this circle's centre [rad]."""
@@ -135,9 +124,9 @@ def irradiance_by_sectors(
             half_width = 2.0 * np.pi / (places or SHAPE_SECTORS)
             return sector_moments(offset, jnp.abs(psi), radius, counts.sector, apart=apart, half_width=half_width)
 
-        rays = LimbRays(sector.fitted(table), coefficients, air.limb_transmission)
+        rays = LimbRays(sector.ground.fitted(table), coefficients, air.limb_transmission)
         sky = Sky(offset, distance, sun_distance, radius)
-        return ring_light(rays, sky, darkening, arcs, sector.radius + ATMOSPHERE_TOP, counts.shadow)
+        return ring_light(rays, sky, darkening, arcs, sector.ground.radius + ATMOSPHERE_TOP, counts.shadow)
 
     several = 0 if places else None
     by_wavelength = jax.vmap(of_sector, in_axes=(None, None, 0, 0, 0, None))

@@ -11,8 +11,27 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from eclipsejax.constants import EARTH_EQUATORIAL_RADIUS, EARTH_POLAR_RADIUS
+from eclipsejax.constants import EARTH_EQUATORIAL_RADIUS, EARTH_POLAR_RADIUS, EARTH_RADIUS, SUN_RADIUS
+from eclipsejax.limb_table import LimbTable
 from eclipsejax.traced import real
+
+
+class Ground(eqx.Module):
+    """What a ray grazes: curved in one way along the ray, in another along the limb."""
+
+    radius: Float[Array, "..."]
+    """Of the limb's circle [m]."""
+    ray_radius: Float[Array, "..."]
+    """Of the ground along the ray [m]."""
+
+    def fitted(self, table: LimbTable) -> LimbTable:
+        """Rays traced over the sphere, over this ground: the bending and the columns of air that is thin against its
+        radius grow with the square root of that, here to 1e-5 of either."""
+        stretch = self.ray_radius / EARTH_RADIUS
+        lift = (table.lift * stretch).at[..., 0].add(self.radius - EARTH_RADIUS)
+        root = jnp.sqrt(stretch)
+        return eqx.tree_at(lambda t: (t.lift, t.bending, t.columns), table,
+                           (lift, table.bending * root, table.columns * root))  # fmt: skip
 
 
 class LimbShape(eqx.Module):
@@ -56,6 +75,24 @@ class LimbShape(eqx.Module):
         """Radius of curvature of the ground along the ray [m]: of the normal section of the ellipsoid."""
         cosine, sine = jnp.cos(self.declination), jnp.sin(self.declination)
         return 1.0 / (self.radius(angle) * ((cosine / self.equatorial_radius) ** 2 + (sine / self.polar_radius) ** 2))
+
+    def rounded(self) -> Ground:
+        """The ground of a round Earth whose shadow is this one's mean over the angles about the axis.
+
+        What is left goes with the cosine of twice the angle: to first order in the flattening, the light too.
+        """
+        ends = jnp.asarray([0.0, 0.5 * jnp.pi])
+        return Ground(jnp.mean(self.radius(ends)), jnp.mean(self.ray_radius(ends)))
+
+    def umbra_stretch(self, angle: Float[Array, "..."], distance, sun_distance) -> Float[Array, "..."]:
+        """Angle from the axis of the umbra's edge, by the angle about the axis, over its mean [-].
+
+        - `distance`, `sun_distance`: of the point and of the Sun from the Earth's centre [m].
+        """
+        reach = 1.0 / distance + 1.0 / sun_distance
+        return (self.radius(angle) * reach - SUN_RADIUS / sun_distance) / (
+            self.rounded().radius * reach - SUN_RADIUS / sun_distance
+        )
 
     @property
     def _minor(self):

@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 
 from eclipsejax.arc import sector_moments
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
-from eclipsejax.errors import InputError
+from eclipsejax.flattened_table import FlattenedTable, flattened_table
 from eclipsejax.limb_sectors import is_lopsided, limb_axes
 from eclipsejax.limb_table import limb_table, ray_breaks
-from eclipsejax.shadow_operator import ShadowOperator
-from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator, cubic_weights
+from eclipsejax.scattered import ring_arcs, ring_azimuths
+from eclipsejax.shadow_table import Places, ShadowTable, Tabulator, cubic_weights
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
 from eclipsejax.sunlight import light_above, whole_sun
@@ -50,21 +50,20 @@ class LopsidedTable(eqx.Module):
         return jnp.exp(log)
 
 
-def scene_table(tabulator: Tabulator, atmosphere) -> ShadowTable | LopsidedTable:
-    """The table of a scene's shadow, by position angle too where the atmosphere asks for it."""
+def scene_table(tabulator: Tabulator, atmosphere) -> ShadowTable | FlattenedTable | LopsidedTable:
+    """The table of a scene's shadow, by position angle too where the atmosphere or the Earth's shape asks for it."""
     if not is_lopsided(atmosphere):
-        return tabulator(atmosphere)
-    if tabulator.scatterers is not None:
-        raise InputError("Light scattered by a limb that differs along it is not known: leave `scatterers` out.")
-    return lopsided_table(tabulator.grid, tabulator.operator, tabulator.weights, atmosphere)
+        return tabulator(atmosphere) if tabulator.flattening is None else flattened_table(tabulator, atmosphere)
+    return lopsided_table(tabulator, atmosphere)
 
 
-def lopsided_table(grid: TableGrid, operator: ShadowOperator, weights, atmosphere) -> LopsidedTable:
-    """The table for an atmosphere with a limb axis; the other arguments are those of a `Tabulator`.
+def lopsided_table(tabulator: Tabulator, atmosphere) -> LopsidedTable:
+    """The table for an atmosphere with a limb axis.
 
     Beside its sectors' own error, 1e-3 of the light in the median, and up to 2 % where a sector of thick dust leaves
     a tenth of it (tests/test_lopsided_table.py). Takes a hundred times as long as the symmetric table.
     """
+    grid, operator, weights = tabulator.grid, tabulator.operator, tabulator.weights
     places, axes = limb_axes(atmosphere)
     step = max(2, 2 * -(-_ANGLES // (2 * places)))  # angles from one sector to the next; even, so that pi is a lag
     angles = places * step
@@ -81,8 +80,23 @@ def lopsided_table(grid: TableGrid, operator: ShadowOperator, weights, atmospher
 
     light = jax.vmap(operator, in_axes=(axes,))(atmosphere) @ weights  # (place, distance, offset, channel)
     light = jnp.einsum("pdoc,paoc->aodc", light, share)
+    if tabulator.scatterers is not None:
+        light += _glow(tabulator, atmosphere, places, angles)
     light = light.reshape(angles * grid.count, *light.shape[2:])
     return LopsidedTable(grid.filled(jnp.broadcast_to(light, (angles * grid.count, 2, light.shape[-1]))), angles)
+
+
+def _glow(tabulator, atmosphere, places, angles):
+    """Light that the limb scatters, (angle, offset, distance, channel)."""
+    arcs = jax.vmap(lambda air: ring_arcs(air, *tabulator.glowing()), in_axes=(limb_axes(atmosphere)[1],))(atmosphere)
+    arcs = arcs @ tabulator.weights  # (place, distance, offset, azimuth, channel)
+    # Both halves of the ring as seen from each angle, in units of sectors from each place.
+    azimuth = ring_azimuths()
+    around = np.stack([azimuth, -azimuth])[:, None] + (2.0 * np.pi / angles) * np.arange(angles)[:, None]
+    apart = around[..., None] / (2.0 * np.pi) * places - np.arange(places)
+    apart = np.abs((apart + 0.5 * places) % places - 0.5 * places)
+    share = np.mean(np.maximum(1.0 - apart, 0.0), axis=0) / azimuth.size  # (angle, azimuth, place)
+    return jnp.einsum("pdokc,akp->aodc", arcs, share)
 
 
 def _shares(grid, operator, weights, atmosphere, index, places, angles):

@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 
 from eclipsejax.camera import Camera
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_MEAN_DISTANCE, MOON_RADIUS
+from eclipsejax.lopsided_table import scene_table
 from eclipsejax.render import FULL_MOON_PHASE, Renderer, renderer_at
-from eclipsejax.response import linear_from_xyz
+from eclipsejax.response import LUMINANCE, linear_from_xyz
 from eclipsejax.scene import Scene, disc_points
 
 SUN_MAGNITUDE = -26.76  # visual, from M_V = 4.81: Willmer 2018, ApJS 236, 47
@@ -90,15 +91,33 @@ def photometer(scene: Scene, *, response: str = "xyz", tolerance: float = 1e-3) 
     radius = np.sqrt(0.5 * (node + 1.0))[:, None]
     angle = 2 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
     prepared = renderer_at(*_at(scene, response, radius * np.sin(angle), radius * np.cos(angle)), tolerance=tolerance)
-    geometry = scene.geometry
-    distance = jnp.linalg.norm(geometry.moon - geometry.observer)
-    away = jnp.linalg.norm(geometry.sun - geometry.moon) / ASTRONOMICAL_UNIT
     return Photometer(
         renderer=prepared,
         weights=jnp.asarray(0.5 * weight[:, None] * np.ones(SPOKES) / SPOKES),
         full=_full_sunlight(prepared),
-        zero=FULL_MOON + 5.0 * jnp.log10(distance / MOON_MEAN_DISTANCE * away),
+        zero=full_moon_magnitude(scene),
     )
+
+
+def full_moon_magnitude(scene: Scene) -> Float[Array, ""]:
+    """Visual magnitude that the full Moon would have at the distances of a scene."""
+    geometry = scene.geometry
+    distance = jnp.linalg.norm(geometry.moon - geometry.observer)
+    away = jnp.linalg.norm(geometry.sun - geometry.moon) / ASTRONOMICAL_UNIT
+    return FULL_MOON + 5.0 * jnp.log10(distance / MOON_MEAN_DISTANCE * away)
+
+
+def pictured_brightness(scene: Scene, picture: Float[Array, "row column 3"]) -> Brightness:
+    """Brightness of the disc in a linear sRGB picture of a scene (`render`) that holds all of it.
+
+    As seen: through the observer's air, if the scene has any. Pixels cut by the limb leave 0.01 mag of doubt.
+    """
+    geometry, camera = scene.geometry, scene.camera
+    radius = jnp.arcsin(MOON_RADIUS / jnp.linalg.norm(geometry.moon - geometry.observer))
+    light = jnp.sum(picture @ jnp.asarray(LUMINANCE)) * camera.scale**2 / (jnp.pi * radius**2)
+    dimming = -2.5 * jnp.log10(light)
+    magnitude = full_moon_magnitude(scene) + dimming
+    return Brightness(magnitude=magnitude, dimming=dimming, danjon=danjon_number(magnitude))
 
 
 @eqx.filter_jit
@@ -119,7 +138,7 @@ def field_stops(
     cosines = points.incidence_cosine, points.emission_cosine
     surge = scene.moon.reflectance(*cosines, points.phase_angle) / scene.moon.reflectance(*cosines, FULL_MOON_PHASE)
     surge = jnp.where(points.on_disc, surge, jnp.nan)
-    light = prepared.tabulator(atmosphere).at(prepared.places)
+    light = scene_table(prepared.tabulator, atmosphere).at(prepared.places)
     light = linear_from_xyz(light) if response == "srgb" else light
     return jnp.log2(light / _full_sunlight(prepared) * surge[..., None])
 

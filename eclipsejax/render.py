@@ -16,10 +16,11 @@ from eclipsejax import wavelengths
 from eclipsejax.camera import Camera, sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import moon_altitude
+from eclipsejax.flattened_table import FlattenedTable
 from eclipsejax.lopsided_table import LopsidedTable, scene_table
 from eclipsejax.response import linear_from_xyz
-from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points, sky_axes
-from eclipsejax.shadow_table import Places, ShadowTable, TableGrid, Tabulator, tabulator
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points, limb_shape, sky_axes
+from eclipsejax.shadow_table import Flattening, Places, ShadowTable, TableGrid, Tabulator, tabulator
 from eclipsejax.tolerance import reached
 
 # The uneclipsed Moon that is 1 in a picture stands at this phase angle, just outside the penumbra.
@@ -117,7 +118,14 @@ def scene_tabulator(scene: Scene, tolerance: float) -> Tabulator:
         tolerance=error,
         count=sampling.offsets,
         scatterers=scene.scatterers,
+        flattening=_flattening(scene) if scene.flattened else None,
     )
+
+
+def _flattening(scene: Scene) -> Flattening:
+    coarse = min(sampling.wavelengths for sampling in SAMPLINGS.values())
+    wavelength, weights = channel_weights(scene, coarse)
+    return Flattening(limb_shape(scene.geometry), scene.sun, jnp.asarray(wavelength), jnp.asarray(weights))
 
 
 def pixels(camera: Camera, first=0, count: int | None = None):
@@ -138,7 +146,9 @@ def sampled(scene: Scene, grid: TableGrid, east, north) -> tuple[Places, Float[A
     return grid.places(scene.offset(points.position), distance, angle), surface_reflectance(scene.moon, points)
 
 
-def lit(shadow: ShadowTable | LopsidedTable, places: Places, reflectance, response: str) -> Float[Array, "... channel"]:
+def lit(
+    shadow: ShadowTable | FlattenedTable | LopsidedTable, places: Places, reflectance, response: str
+) -> Float[Array, "... channel"]:
     """The surface in the light of a shadow: the last step to a picture, in the channels of a camera's response."""
     light = shadow.at(places) * reflectance[..., None]
     return linear_from_xyz(light) if response == "srgb" else light

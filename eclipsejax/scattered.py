@@ -70,16 +70,26 @@ def _scattered(atmosphere, scatterers, sun, offset, distance, sun_distance, wave
     return ring_glow(atmosphere, scatterers, offset, distance, sun_distance, disc, darkening, wavelength)
 
 
-def ring_glow(
-    atmosphere, scatterers: Scatterers, offset, distance, sun_distance, disc, darkening, wavelength
-) -> Float[Array, "... wavelength"]:
-    """`scattered_irradiance` for offsets [rad] and distances [m] of one shape.
+def ring_glow(*scene) -> Float[Array, "... wavelength"]:
+    """`scattered_irradiance` for points of any shape; the arguments are those of `ring_arcs`."""
+    return jnp.mean(ring_arcs(*scene), axis=-2)
 
+
+def ring_azimuths() -> np.ndarray:
+    """Of the arcs of `ring_arcs`, from the side where the Sun stands; on the other half of the ring the same [rad]."""
+    return np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+
+
+def ring_arcs(
+    atmosphere, scatterers: Scatterers, offset, distance, sun_distance, disc, darkening, wavelength
+) -> Float[Array, "... azimuth wavelength"]:
+    """Scattered light if all of the ring shone as its arcs at `ring_azimuths` do.
+
+    - `offset`, `distance`: of the points, of one shape [rad], [m].
     - `disc`: radius of the Sun seen from the Earth [rad].
     - `darkening`: A_k of the Sun's I(mu)/I(1) = sum A_k mu^k, (wavelength, power).
     """
-    ring = EARTH_RADIUS + _GLOWING
-    azimuth = np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+    ring, azimuth = EARTH_RADIUS + _GLOWING, ring_azimuths()
     depression = sky_angle(ring, distance, sun_distance)[..., None] - offset[..., None] * np.cos(azimuth)
     spread = jax.vmap(sun_spread)(darkening) * disc
 
@@ -92,10 +102,10 @@ def ring_glow(
         u = (depression[..., None] + shift - low) / (high - low)  # (..., azimuth, wavelength)
         return jnp.exp(jnp.einsum("...wk,kw->...w", chebyshev(u, _DEPRESSIONS), log_glow)) - _NOTHING
 
-    mean = 0.5 * jnp.mean(at(spread) + at(-spread), axis=-2)
+    shining = 0.5 * (at(spread) + at(-spread))
     nearer = (1.0 + distance / sun_distance) ** 2  # than the Moon is the limb to the Sun
     focus = nearer / (distance**2 * jnp.sqrt(1.0 - (ring / distance) ** 2))
-    return 2.0 * jnp.pi * focus[..., None] * mean * higher_orders(scatterers, wavelength)
+    return 2.0 * jnp.pi * focus[..., None, None] * shining * higher_orders(scatterers, wavelength)
 
 
 def sun_spread(darkening):

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from eclipsejax.camera import Camera
-from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS, SUN_RADIUS
+from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude, nearest_eclipse
 from eclipsejax.errors import InputError
 from eclipsejax.limb_shape import LimbShape
@@ -109,19 +109,19 @@ def axis_position_angle(geometry: Geometry, position: Float[Array, "... 3"]) -> 
 
 
 def rounded_offset(geometry: Geometry, position: Float[Array, "... 3"]) -> Float[Array, "..."]:
-    """Offset [rad] at which a spherical Earth gives the light that the flattened Earth gives at a point.
+    """Offset [rad] at which a round Earth (`LimbShape.rounded`) gives nearly the light that the flattened one gives.
 
-    Offsets are scaled with the edge of the umbra at the point's position angle. Farther than 17' from the axis the
-    light is then right to 0.6 % at the points of tests/test_lopsided_table.py, where the flattening changes it by up to
-    4 % (by 8 % just outside the umbra's edge); nearer to the axis the 2 % that it adds are
-    left out. `shadow_irradiance` with a `shape` has all of it.
+    Offsets are scaled with the edge of the umbra at the point's position angle. What the light still swings about that
+    of the round Earth is left to `flattened_table`.
     """
     distance, sun_distance = jnp.linalg.norm(position, axis=-1), jnp.linalg.norm(geometry.sun)
-    shape = LimbShape.facing(geometry.sun, geometry.pole)
-    reach = 1.0 / distance + 1.0 / sun_distance
-    edge = EARTH_RADIUS * reach - SUN_RADIUS / sun_distance
-    wider = (shape.radius(axis_position_angle(geometry, position)) - EARTH_RADIUS) * reach
-    return axis_offset(geometry, position) * edge / (edge + wider)
+    stretch = limb_shape(geometry).umbra_stretch(axis_position_angle(geometry, position), distance, sun_distance)
+    return axis_offset(geometry, position) / stretch
+
+
+def limb_shape(geometry: Geometry) -> LimbShape:
+    """The flattened Earth as the Sun sees it."""
+    return LimbShape.facing(geometry.sun, geometry.pole)
 
 
 class Scene(eqx.Module):
@@ -138,7 +138,7 @@ class Scene(eqx.Module):
     sky: Sky | None = None
     """The observer's air; None for a picture above it."""
     flattened: bool = eqx.field(static=True, default=False)
-    """Whether the shadow is that of the flattened Earth (`rounded_offset`) and not of a sphere."""
+    """Whether the shadow is that of the flattened Earth (`flattened_table`) and not of a sphere."""
     scatterers: Scatterers | None = None
     """Of the light that the Earth's limb scatters into the shadow; None leaves that light out."""
     umbral: bool = eqx.field(static=True, default=True)
@@ -173,6 +173,11 @@ class Scene(eqx.Module):
         if latitude is not None and "sky" not in parts:
             parts["sky"] = Sky(height=height)
         return cls(where, **parts)
+
+    def umbra(self) -> Float[Array, ""]:
+        """Angle from the shadow's axis of the umbra's edge, of a ball without air, at the Moon's centre [rad]."""
+        moon, sun = jnp.linalg.norm(self.geometry.moon), jnp.linalg.norm(self.geometry.sun)
+        return umbra_edge(moon, sun, self.sun.radius)
 
     def offset(self, position: Float[Array, "... 3"]) -> Float[Array, "..."]:
         """Angle from the shadow's axis with which the light of a point is looked up [rad]."""

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from eclipsejax.arc import arc_moments
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
+from eclipsejax.limb_shape import Ground
 from eclipsejax.limb_table import limb_table, ray_breaks
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
@@ -74,10 +75,14 @@ class ShadowOperator(eqx.Module):
     views: View
     """One for each distance (leading axis)."""
     counts: Counts = eqx.field(static=True)
+    ground: Ground | None = None
+    """What the rays graze; None is the sphere of `EARTH_RADIUS`."""
 
     def __call__(self, atmosphere) -> Float[Array, "distance offset wavelength"]:
         """Fraction of unobstructed sunlight, as by `shadow.shadow_irradiance`."""
         table, coefficients = limb_table(atmosphere, self.wavelength, self.counts, breaks=ray_breaks(atmosphere))
+        if self.ground is not None:
+            table = self.ground.fitted(table)
 
         def seen(view: View):
             rays = branches(table, coefficients, view.distance, self.sun_distance)
@@ -91,7 +96,9 @@ class ShadowOperator(eqx.Module):
         return jax.vmap(seen)(self.views)
 
 
-def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tolerance: float = 1e-3) -> ShadowOperator:
+def shadow_operator(
+    sun: Sun, offset, distance, sun_distance, wavelength, *, tolerance: float = 1e-3, ground: Ground | None = None
+) -> ShadowOperator:
     """Work out the operator; no atmosphere is needed.
 
     - `distance`: of the points from the Earth's centre, shape (distance,) [m].
@@ -99,11 +106,12 @@ def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tol
     - `sun_distance`: of the Sun from the Earth's centre [m].
     - `wavelength`: (wavelength,) [nm].
     - `tolerance`: largest relative error wanted, in light down to 1e-12; a setting of `COUNTS` that meets it is taken.
+    - `ground`: what the rays graze; None is the sphere of `EARTH_RADIUS`.
     """
     counts = counts_for(tolerance)
     radius = jnp.arcsin(sun.radius / sun_distance)
     darkening = jax.vmap(sun.limb_darkening_coefficients)(wavelength)  # (wavelength, 6)
-    top = jnp.asarray(EARTH_RADIUS + ATMOSPHERE_TOP)
+    top = jnp.asarray((EARTH_RADIUS if ground is None else ground.radius) + ATMOSPHERE_TOP)
 
     def view(offset, distance):
         cells = SkyCells.around(offset, radius, counts.cells)
@@ -120,7 +128,7 @@ def shadow_operator(sun: Sun, offset, distance, sun_distance, wavelength, *, tol
         return View(distance, cells, jnp.moveaxis(arcs, 0, -1), direct / whole, whole)
 
     views = jax.vmap(view)(real(offset), real(distance))
-    return ShadowOperator(wavelength, darkening, real(sun_distance), views, counts)
+    return ShadowOperator(wavelength, darkening, real(sun_distance), views, counts, ground)
 
 
 def counts_for(tolerance: float) -> Counts:

@@ -20,9 +20,11 @@ from jaxtyping import Array, Float, Int
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import is_lopsided
+from eclipsejax.limb_shape import LimbShape
 from eclipsejax.scattered import ring_glow
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import ShadowOperator, shadow_operator
+from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import real
 
@@ -149,6 +151,15 @@ def from_edge_at(t):
     return low - (variable(low) - t) / slope
 
 
+class Flattening(NamedTuple):
+    """What `flattened_table` needs of a scene."""
+
+    shape: LimbShape
+    sun: Sun
+    wavelength: Float[Array, " wavelength"]  # at which the light's swing about its mean is worked out [nm]
+    weights: Float[Array, "wavelength channel"]
+
+
 class Tabulator(eqx.Module):
     """Makes the table of a scene for any atmosphere."""
 
@@ -157,6 +168,8 @@ class Tabulator(eqx.Module):
     weights: Float[Array, "wavelength channel"]
     scatterers: Scatterers | None = None
     """Of the light that the limb scatters into the shadow; None leaves it out."""
+    flattening: Flattening | None = None
+    """Of the Earth; None for a sphere. The tabulator itself gives the mean over the angles about the axis."""
 
     def __call__(self, atmosphere) -> ShadowTable:
         """The table of the shadow over the Moon's disc, of an atmosphere that is the same all around."""
@@ -165,20 +178,17 @@ class Tabulator(eqx.Module):
         operator = self.operator
         light = operator(atmosphere)
         if self.scatterers is not None:
-            distance = operator.views.distance
-            offset = jax.vmap(self.grid.offsets_at)(distance)
-            light += ring_glow(
-                atmosphere,
-                self.scatterers,
-                offset,
-                jnp.broadcast_to(distance[:, None], offset.shape),
-                operator.sun_distance,
-                self.grid.sun_radius / operator.sun_distance,
-                operator.darkening,
-                operator.wavelength,
-            )
+            light += ring_glow(atmosphere, *self.glowing())
         light = light @ self.weights  # (distance, offset, channel)
         return self.grid.filled(jnp.broadcast_to(jnp.moveaxis(light, 0, 1), (self.grid.count, 2, light.shape[-1])))
+
+    def glowing(self):
+        """Arguments of `scattered.ring_arcs`, but for the atmosphere, for the entries: (distance, offset)."""
+        operator, distance = self.operator, self.operator.views.distance
+        offset = jax.vmap(self.grid.offsets_at)(distance)
+        distance = jnp.broadcast_to(distance[:, None], offset.shape)
+        sun = operator.sun_distance, self.grid.sun_radius / operator.sun_distance
+        return self.scatterers, offset, distance, *sun, operator.darkening, operator.wavelength
 
 
 def tabulator(
@@ -193,6 +203,7 @@ def tabulator(
     count: int,
     deep: bool = True,
     scatterers: Scatterers | None = None,
+    flattening: Flattening | None = None,
 ) -> Tabulator:
     """What of a table does not depend on the atmosphere.
 
@@ -206,12 +217,14 @@ def tabulator(
       Moon's depth to the table's variable, the offset from the umbra's edge: 1.4 % rms, 5 % at most
       (tests/test_likelihood.py).
     - `scatterers`: adds the light that the limb scatters into the shadow; None leaves it out.
+    - `flattening`: of the Earth; None is the sphere of `EARTH_RADIUS`.
     """
     grid = table_grid(sun, moon_distance, sun_distance, offsets, count)
     distances = grid.distances if deep else grid.distances[1:] - 0.6 * MOON_RADIUS
     offset = jax.vmap(grid.offsets_at)(distances)
-    operator = shadow_operator(sun, offset, distances, sun_distance, wavelength, tolerance=tolerance)
-    return Tabulator(grid, operator, weights, scatterers)
+    ground = None if flattening is None else flattening.shape.rounded()
+    operator = shadow_operator(sun, offset, distances, sun_distance, wavelength, tolerance=tolerance, ground=ground)
+    return Tabulator(grid, operator, weights, scatterers, flattening)
 
 
 def table_grid(sun, moon_distance, sun_distance, offsets, count: int) -> TableGrid:

@@ -18,7 +18,10 @@ from jaxtyping import Array, Float, Float32
 
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS
 from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import is_lopsided
 from eclipsejax.response import responses
+from eclipsejax.scattered import ring_glow
+from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow_operator import counts_for, shadow_operator
 from eclipsejax.sun import Sun
 
@@ -56,6 +59,7 @@ def shadow_texture(
     channels: Channels | None = None,
     sun: Sun | None = None,
     sun_distance: float = ASTRONOMICAL_UNIT,
+    scatterers: Scatterers | None = None,
     tolerance: float = 1e-3,
 ) -> Float32[np.ndarray, "row column 3"]:
     """Fraction of unobstructed sunlight [-] in each channel; 0 in place of the negatives of colours outside sRGB.
@@ -68,8 +72,13 @@ def shadow_texture(
     - `distances`: nearest and farthest from the Earth's centre [m].
     - `channels`: None for `colours`.
     - `sun_distance`: from the Earth's centre [m].
+    - `scatterers`: adds the light that the limb scatters into the shadow; None leaves it out.
     - `tolerance`: relative error wanted of the irradiance in the texels.
     """
+    if is_lopsided(atmosphere):
+        raise InputError(
+            "The layout of the texture has no angle about the axis: give an atmosphere without a limb axis."
+        )
     sun = Sun() if sun is None else sun
     wavelength, weights = colours(sun) if channels is None else channels
     counts_for(tolerance)  # refuses what cannot be met, before the work
@@ -77,7 +86,14 @@ def shadow_texture(
     texture = np.empty((size, size, 3), np.float32)
     for column in range(first, last + 1):
         light = _column(
-            atmosphere, sun, jnp.asarray((column + 0.5) / size), size, sun_distance, jnp.asarray(wavelength), tolerance
+            atmosphere,
+            sun,
+            scatterers,
+            jnp.asarray((column + 0.5) / size),
+            size,
+            sun_distance,
+            jnp.asarray(wavelength),
+            tolerance,
         )
         texture[::-1, column] = np.maximum(np.asarray(light) @ weights, 0.0)
     texture[:, :first] = texture[:, first : first + 1]
@@ -98,13 +114,18 @@ def _columns(sun, distances: tuple[float, float], size: int, sun_distance: float
 
 
 @eqx.filter_jit
-def _column(atmosphere, sun, u, size: int, sun_distance, wavelength, tolerance: float):
+def _column(atmosphere, sun, scatterers, u, size: int, sun_distance, wavelength, tolerance: float):
     """Irradiance (row, wavelength) of a column, from the axis outwards."""
     separation = (jnp.arange(size) + 0.5) / size  # of the centres, in units of the sum of the radii
     distance, _ = place(u, jnp.asarray(0.0), sun, sun_distance)
     _, offset = place(u, separation, sun, sun_distance)
     operator = shadow_operator(sun, offset[None], distance[None], sun_distance, wavelength, tolerance=tolerance)
-    return operator(atmosphere)[0]
+    light = operator(atmosphere)[0]
+    if scatterers is not None:
+        disc = sun.radius / sun_distance
+        where = offset, jnp.broadcast_to(distance, offset.shape), sun_distance, disc
+        light += ring_glow(atmosphere, scatterers, *where, operator.darkening, wavelength)
+    return light
 
 
 def place(

@@ -31,7 +31,7 @@ class Shadow(eqx.Module):
     scattered: Float[Array, "level channel"]
     """Log of the light scattered into the umbra, for the dust of `scattered_light`."""
     washing: Float[Array, "offset offset"]
-    """Of the log light over the table's entries, see `uneven_limb`."""
+    """Smooths the log of the direct light over the table's entries, see `uneven_limb`."""
 
     def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
         return self.table(log_light(limb, self))
@@ -47,8 +47,8 @@ def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, 
     levels = _dust_scale(scattered_light()[0])
     weights = _lagrange(jnp.clip(_dust_scale(value["dust.extinction"]), levels[0], levels[-1]), levels)
     scattered = weights @ shadow.scattered + jnp.log(value["scattered.amplitude"])
-    even = jnp.logaddexp(shadow.tabulator(prior.atmosphere(limb)).log_light, scattered)
-    return jnp.tensordot(shadow.washing, even, axes=1)
+    direct = jnp.tensordot(shadow.washing, shadow.tabulator(prior.atmosphere(limb)).log_light, axes=1)
+    return jnp.logaddexp(direct, scattered)
 
 
 @cache

@@ -3,32 +3,48 @@
 Every sharp feature of the light against the offset from the axis comes from a bend of the temperature profile, the
 tropopause above all: a step of 5 % where the Sun's edge touches the caustic of its rays, 0.8' farther out for every
 kelvin that the limb is warmer. The Earth's limb is 50 K warmer and its tropopause 8 km higher in the tropics than at a
-pole: all limbs together have no such step. A fit that believes in it finds the temperature of the limb to half a kelvin
+pole: 12 K of spread alone halve the step. A fit that believes in it finds the temperature of the limb to half a kelvin
 in whatever noise looks like the step, or finds several temperatures.
 """
 
 import numpy as np
+from scipy.interpolate import BSpline
 
-WIDTH = np.radians(3.0 / 60.0)  # features narrower than some six times this are washed out
-# Beyond these offsets they are not: there the edge of the umbra is sharp, for any limb.
-TAPER = np.radians(np.array([30.0, 38.0]) / 60.0)
+ARCMIN = np.radians(1.0 / 60.0)
+WIDTH = 2.0 * ARCMIN  # features narrower than some six times this are washed out
+KNOTS = 1.5 * ARCMIN
+# Between these offsets, that is: farther in every limb focuses light on the axis, farther out the umbra has its edge.
+INNER, OUTER = np.array([3.0, 8.0]) * ARCMIN, np.array([30.0, 38.0]) * ARCMIN
 
 
 def washing(offset: np.ndarray) -> np.ndarray:
     """A matrix (entry, entry) that smooths log light over the entries of a table.
 
-    The smoothest curve near the entries, in its third derivative (Whittaker 1923): parabolas pass unchanged.
+    Splines with a penalty on their third differences (Eilers & Marx 1996), so that parabolas pass unchanged; even about
+    the axis, as the light is.
 
     - `offset`: of the entries from the axis [rad], ascending; negative beyond it.
     """
-    count = len(offset)
-    spacing = np.gradient(offset)
-    third = np.eye(count)
-    place = offset
-    for order in range(1, 4):
-        third = np.diff(third, axis=0) / (place[order:] - place[:-order])[:, None] * order
-    middle = np.convolve(offset, np.full(4, 0.25), mode="valid")
-    taper = np.clip((TAPER[1] - middle) / (TAPER[1] - TAPER[0]), 0.0, 1.0)
-    cost = (WIDTH * taper) ** 6 * np.convolve(spacing, np.full(4, 0.25), mode="valid")
-    weights = np.diag(spacing)
-    return np.linalg.solve(weights + third.T @ (cost[:, None] * third), weights)
+    weight = np.abs(np.gradient(offset))
+    away = np.abs(offset)
+    smooth = _smoothing(away, np.where(away < OUTER[1], weight, 0.0))
+    share = np.interp(away, [*INNER, *OUTER], [0.0, 1.0, 1.0, 0.0])[:, None]
+    return share * smooth + (1.0 - share) * np.eye(len(offset))
+
+
+def _smoothing(offset: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    near, far = offset[weight > 0].min(initial=OUTER[1]), offset.max()
+    begin = -far if near < WIDTH else near  # beyond the axis everything comes once more
+    count = int(np.ceil((far - begin) / KNOTS)) + 1
+    knots = begin + KNOTS * np.arange(-3, count + 4)
+
+    def basis(at):
+        return BSpline.design_matrix(np.clip(at, begin, far), knots, 3).toarray()
+
+    here = basis(offset)
+    sides = (here, basis(-offset)) if begin < 0.0 else (here,)
+    fitted = sum(side.T @ (weight[:, None] * side) for side in sides)
+    right = sum(side.T * weight for side in sides)
+    rough = np.diff(np.eye(fitted.shape[0]), n=3, axis=0)
+    penalty = KNOTS * (WIDTH / KNOTS) ** 6 * rough.T @ rough
+    return here @ np.linalg.solve(fitted + penalty, right)

@@ -94,9 +94,30 @@ def test_the_readme_shows_what_the_command_prints(capsys):
     assert "\n".join(["    $ eclipsejax list 2025 2027", *("    " + line for line in lines), ""]) in readme
 
 
+def test_chart_prints_where_the_moon_stands_and_draws_it(capsys, tmp_path):
+    picture = tmp_path / "chart.png"
+    assert cli.main(["chart", "2008-02-21", "--site", "42.73,-73.68", "-o", str(picture)]) == 0
+    kind, heading, *rows, wrote = capsys.readouterr().out.splitlines()
+    assert kind.startswith("total, umbral magnitude 1.106") and len(rows) == 7 and "chart.png" in wrote
+    cells = dict(zip(heading.replace(":", "").split(), rows[3].split()[1:], strict=True))
+    assert rows[3].startswith("greatest") and cells["UTC"].startswith("2008-02-21T03:26")
+    found = {name: float(text) for name, text in cells.items() if name != "UTC"}
+    assert found == pytest.approx(
+        dict(altitude=50.3, azimuth=138.0, radius=15.77, libration=5.22, latitude=0.92, axis=19.4, tilt=49.4), abs=0.06
+    )
+    with Image.open(picture) as image:
+        assert image.width > 1000
+    assert cli.main(["chart", "2025-09-07"]) == 0
+    assert capsys.readouterr().out.splitlines()[2].split()[2:4] == ["-", "-"]  # no horizon at the Earth's centre
+    check_refused(capsys, ["chart", "2008-02-25"], "no lunar eclipse", "2008-02-21")
+    check_refused(capsys, ["chart", "2008-02-21", "-o", str(tmp_path / "chart.pdf")], "format")
+
+
 def test_totality_is_rendered_red_and_bright_enough_to_see(capsys, tmp_path):
     assert cli.main(["render", TOTALITY, "-o", str(tmp_path / "moon.png"), *SMALL]) == 0
-    brightened, wrote = capsys.readouterr().out.splitlines()
+    brightened, dimmed, wrote = capsys.readouterr().out.splitlines()
+    lost, magnitude, number = map(float, re.findall(r"-?\d+\.\d", dimmed))
+    assert 9.5 < lost < 12.5 and magnitude == pytest.approx(lost - 12.9, abs=0.4) and 1.0 < number < 4.0
     match = re.fullmatch(r"The Moon is brightened ([\d,]+) times\.", brightened)
     assert match and float(match[1].replace(",", "")) > 100
     assert "moon.png" in wrote and TOTALITY in wrote and "48 x 48" in wrote

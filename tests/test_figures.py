@@ -6,13 +6,17 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.integrate import quad
 
+from eclipsejax.almanac import in_order, nearest_eclipse, shadow_circles
+from eclipsejax.aspect import aspect
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.camera import Exposure
 from eclipsejax.constants import EARTH_RADIUS
 from eclipsejax.dust_of_brightness import dusty
+from eclipsejax.ephemeris import geometry
 from eclipsejax.errors import InputError
-from eclipsejax.figures import gallery
+from eclipsejax.figures import chart, gallery
 from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
 from eclipsejax.figures.danjon import strip
 from eclipsejax.figures.limb_rays import columns, limb_rays
@@ -29,12 +33,15 @@ from eclipsejax.figures.picture import (
     zenith_up,
 )
 from eclipsejax.figures.refraction import sunlit_path
+from eclipsejax.figures.sun import SPECTRA, binned
+from eclipsejax.figures.sun import disc as sun_disc
 from eclipsejax.figures.surface import shaded_disc
 from eclipsejax.figures.tank import BEAMS, FALL, march_error, marched, parabola, tank_index, tank_plate
 from eclipsejax.figures.worlds import PARTIAL, SITE, TOTAL, worlds
 from eclipsejax.moon import LAWS, Moon
 from eclipsejax.photometry import FULL_MOON, danjon_number
 from eclipsejax.response import LUMINANCE
+from eclipsejax.sun import Sun
 
 SIZE = 48
 
@@ -134,6 +141,40 @@ def test_zenith_is_up_where_the_moon_sets():
     assert 0.80 < tall / broad < 0.94  # 0.88, in whole pixels of 40
 
 
+@pytest.mark.parametrize("date", ["2008-02-21", "2026-08-28", "2016-09-16"])
+def test_moon_of_the_chart_touches_the_circles_at_its_contacts(date):
+    eclipse = nearest_eclipse(date)
+    circles = {"P1": (2, 1), "U1": (1, 1), "U2": (1, -1), "U3": (1, -1), "U4": (1, 1), "P4": (2, 1)}
+    assert list(in_order(eclipse)) == [name for name in ("P1", "U1", "U2", "greatest", "U3", "U4", "P4")
+                                       if name == "greatest" or name in eclipse.contacts]  # fmt: skip
+    for name, utc in eclipse.contacts.items():
+        where = geometry(utc)
+        radii = shadow_circles(np.asarray(where.moon), np.asarray(where.sun))
+        circle, side = circles[name]
+        touching = np.degrees(radii[circle] + side * radii[3]) * 60.0
+        assert np.hypot(*chart.on_sky(where)) == pytest.approx(touching, abs=0.05)
+    first, last = (chart.on_sky(geometry(eclipse.contacts[name])) for name in ("P1", "P4"))
+    assert last[0] > first[0]  # eastwards
+
+
+def test_chart_tells_the_libration_and_draws_the_lines_of_zero():
+    where = geometry(TOTAL, *SITE)
+    assert chart.told(aspect(where)).startswith("libration 5.2° east, 0.9° north\nlunar north 19.4° east")
+    gold = np.ptp(chart.disc(where, 96), axis=-1) > 0.2
+    assert 0.01 < gold.mean() < 0.05  # two lines
+    assert gold[43:53, 43:53].any() and not gold[:8].any()
+
+
+def test_spectra_of_the_sun_carry_what_their_tables_say():
+    # 2 nm bins from 380 to 780 nm; Planck's law integrated by SciPy's adaptive rule.
+    planck, _ = quad(lambda w: float(Sun(spectrum="blackbody").irradiance(w)), 380.0, 780.0)
+    total = {name: 2.0 * binned(name).sum() for name in SPECTRA}
+    assert total["blackbody"] == pytest.approx(planck, rel=1e-5)
+    assert total["gueymard"] == pytest.approx(total["e490"], rel=3e-3)
+    disc = sun_disc(64)
+    assert disc[32, 32].min() > 0.9 and disc[32, 4, 0] > disc[32, 4, 2] + 0.1  # white, and redder at the limb
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_discs_of_the_laws(law):
     disc = shaded_disc(Moon(law=law), 64)
@@ -188,7 +229,7 @@ def test_gallery_in_a_file_is_refused(tmp_path, monkeypatch):
 
 
 def test_every_plate_of_the_gallery_can_be_named_as_a_file():
-    assert len(gallery.plates(8)) == 13
+    assert len(gallery.plates(8)) == 15
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in gallery.plates(8))
 
 

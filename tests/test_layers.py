@@ -14,13 +14,13 @@ ROOT = Path(__file__).parents[1]
 ORDER = """
 constants errors traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun arc sunlight
 limb_table ring limb_shape limb_sectors shadow sky_cells sky_flux shadow_operator scatterers twilight scattered moon
-sky response camera almanac ephemeris scene shadow_table lopsided_table wavelengths render photometry umbra
-dust_of_brightness sequence movie movie_file texture figures selftest session cli
+sky response camera almanac ephemeris scene aspect shadow_table flattened_table lopsided_table wavelengths render
+photometry umbra dust_of_brightness sequence movie movie_file texture figures selftest session cli
 """.split()
 # The same within the package of that name.
 FIGURES = """
 page colour limb_rays ray_path picture air tank refraction to_the_moon light surface worlds danjon series moonset
-gallery
+chart sun gallery
 """.split()
 HOMES = {
     "colour": {"eclipsejax/response.py"},

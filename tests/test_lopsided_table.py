@@ -6,14 +6,14 @@ import pytest
 
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.camera import Camera
-from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS, SUN_RADIUS
+from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_sectors import along_limb
-from eclipsejax.limb_shape import LimbShape
 from eclipsejax.lopsided_table import scene_table
 from eclipsejax.render import render
+from eclipsejax.scattered import scattered_irradiance
 from eclipsejax.scatterers import Scatterers
-from eclipsejax.scene import Scene, axis_offset, axis_position_angle, rounded_offset
+from eclipsejax.scene import Scene
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.shadow_table import tabulator
 from eclipsejax.sun import Sun
@@ -67,31 +67,6 @@ def test_table_goes_round_without_a_seam(prepared):
 
 
 @pytest.mark.slow  # programs that take long to compile
-def test_rounded_offset_is_where_a_sphere_gives_the_same_light():
-    geometry = Scene.at("2018-07-27T20:21:00Z").geometry
-    distance, sun_distance = (float(jnp.linalg.norm(place)) for place in (geometry.moon, geometry.sun))
-    axis = -np.asarray(geometry.sun) / sun_distance
-    east = np.cross(geometry.pole, axis) / np.linalg.norm(np.cross(geometry.pole, axis))
-    north = np.cross(axis, east)
-    across = np.cos(ANGLES)[:, None] * north + np.sin(ANGLES)[:, None] * east
-    position = distance * (np.cos(OFFSETS)[:, None] * axis + np.sin(OFFSETS)[:, None] * across)
-    np.testing.assert_allclose(axis_offset(geometry, position), OFFSETS, rtol=1e-9)
-    np.testing.assert_allclose(np.mod(axis_position_angle(geometry, position), 2.0 * np.pi), ANGLES, atol=1e-9)
-
-    sky = {"moon_distance": distance, "sun_distance": sun_distance, "tolerance": 1e-3}
-    shape = LimbShape.facing(geometry.sun, geometry.pole)
-    expected = shadow_irradiance(TYPICAL, OFFSETS, [640.0], position_angle=ANGLES, shape=shape, **sky)
-    sphere, rounded = (
-        shadow_irradiance(TYPICAL, offset, [640.0], **sky)
-        for offset in (OFFSETS, rounded_offset(geometry, jnp.asarray(position)))
-    )
-    left, whole = np.abs(np.asarray(rounded / expected - 1.0)), np.abs(np.asarray(sphere / expected - 1.0))
-    assert np.max(left[OFFSETS > 5e-3]) < 6e-3 and np.max(left) < 2e-2
-    assert np.max(whole) > 3e-2  # what the flattening does
-    assert SUN_RADIUS == pytest.approx(float(Sun().radius))
-
-
-@pytest.mark.slow  # programs that take long to compile
 def test_picture_is_darker_where_the_limb_is_dusty():
     # All four pictures in one shape; the camera's rows run from north to south.
     scene = Scene.at("2018-07-27T20:21:00Z", camera=Camera(shape=(24, 24), scale=4.4e-4))
@@ -104,11 +79,32 @@ def test_picture_is_darker_where_the_limb_is_dusty():
     assert ratio[4] < 0.6 * ratio[19]
 
 
-def test_what_is_not_known_of_a_lopsided_limb_is_refused(prepared):
+def test_tabulator_refuses_what_only_the_lopsided_table_knows(prepared):
     with pytest.raises(InputError, match="same all around"):
         prepared(LOPSIDED)
-    with pytest.raises(InputError, match="scatterers"):
-        scene_table(eqx.tree_at(lambda t: t.scatterers, prepared, Scatterers(), is_leaf=lambda x: x is None), LOPSIDED)
+
+
+@pytest.mark.slow  # programs that take long to compile
+def test_scattered_light_of_a_lopsided_limb_is_its_sectors_own(prepared):
+    glowing = eqx.tree_at(lambda t: t.scatterers, prepared, Scatterers(), is_leaf=lambda x: x is None)
+    angles = jnp.asarray(2.0 * np.pi * np.arange(OFFSETS.size) / OFFSETS.size)
+
+    def glow(air, offset):
+        """Scattered light at one offset, ten angles and both wavelengths."""
+
+        @eqx.filter_jit
+        def at(prepared, air):
+            places = prepared.grid.places(jnp.full(OFFSETS.size, offset), jnp.full(OFFSETS.size, DISTANCE), angles)
+            return scene_table(prepared, air).at(places)
+
+        return np.asarray(at(glowing, air) - at(prepared, air))
+
+    # Far inside, where little else is in the blue.
+    clear, dusty = (along_limb([air] * PLACES) for air in (TYPICAL, DUSTY))
+    whole = scattered_irradiance(TYPICAL, [3e-3], [450.0, 640.0], moon_distance=DISTANCE)
+    np.testing.assert_allclose(glow(clear, 3e-3)[:, 0], float(whole[0, 0]), rtol=2e-2)
+    mixed, parts = glow(LOPSIDED, 3e-3), [glow(air, 3e-3) for air in (clear, dusty)]
+    np.testing.assert_allclose(np.mean(mixed, axis=0), (5 * parts[0] + 3 * parts[1]).mean(axis=0) / 8, rtol=2e-2)
 
 
 @pytest.mark.slow  # programs that take long to compile

@@ -12,9 +12,10 @@ import pytest
 from eclipsejax import photometry
 from eclipsejax.almanac import nearest_eclipse
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
+from eclipsejax.camera import Camera
 from eclipsejax.constants import MOON_RADIUS
-from eclipsejax.photometry import danjon_number, field_stops, photometer
-from eclipsejax.render import FULL_MOON_PHASE
+from eclipsejax.photometry import danjon_number, field_stops, photometer, pictured_brightness
+from eclipsejax.render import FULL_MOON_PHASE, render
 from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.wavelengths import binned_weights
@@ -48,6 +49,15 @@ def discs():
 @pytest.fixture(scope="module")
 def observed():
     return {(row["date"], row["quantity"]): float(row["value"]) for row in table_of(DATA)}
+
+
+def test_picture_holds_the_light_that_the_photometer_finds(discs):
+    camera = Camera(shape=(160, 160), scale=1.1e-2 / 160)
+    scene = Scene.at(nearest_eclipse("2008-02-21").greatest, camera=camera)
+    picture = eqx.filter_jit(lambda scene, air: render(scene, air, tolerance=1e-2))(scene, Atmosphere.typical())
+    seen, expected = pictured_brightness(scene, picture), measured(discs["2008-02-21"], Atmosphere.typical())
+    for found, right in zip(jax.tree.leaves(seen), jax.tree.leaves(expected), strict=True):
+        assert float(found) == pytest.approx(float(right), abs=0.03)
 
 
 def observed_dimming(observed, discs, day):

@@ -9,6 +9,9 @@ from eclipsejax import cli
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS
 from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import along_limb
+from eclipsejax.scattered import scattered_irradiance
+from eclipsejax.scatterers import Scatterers
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
@@ -96,6 +99,20 @@ def test_sunlight_is_white_and_what_air_leaves_of_it_red():
     np.testing.assert_allclose(weights.sum(axis=0), 1.0)
     red, green, blue = np.exp(-((500.0 / wavelength) ** 4)) @ weights
     assert red > 1.2 * green > 1.2 * blue > 0.0
+
+
+def test_scattered_light_is_added_on_the_axis():
+    one = {"distances": (3.844e8, 3.844e8), "size": 64, "channels": CHANNELS}
+    plain, glowing = (shadow_texture(Atmosphere(), **one, scatterers=given) for given in (None, Scatterers()))
+    column = 64 * 55 // 256
+    distance, offset = place(jnp.asarray((column + 0.5) / 64), jnp.asarray(0.5 / 64), Sun(), ASTRONOMICAL_UNIT)
+    expected = scattered_irradiance(Atmosphere(), offset, CHANNELS.wavelength, moon_distance=distance)
+    np.testing.assert_allclose((glowing - plain)[-1, column, 2], expected[0, 2], rtol=1e-2)
+
+
+def test_air_that_differs_along_the_limb_is_refused():
+    with pytest.raises(InputError, match="no angle about the axis"):
+        shadow_texture(along_limb([Atmosphere()] * 4))
 
 
 def test_distances_inside_the_earth_are_refused():

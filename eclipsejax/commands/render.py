@@ -25,6 +25,7 @@ def add_to(commands) -> None:
     shared.add_site(command)
     shared.add_air(command)
     shared.add_scattered(command)
+    command.add_argument("--flattened", action="store_true", help="the shadow of the flattened Earth, not of a ball")
     number, add = session.number, shared.add_camera(command, size=512).add_argument
     add("--exposure", type=number(1e-6, 1e4), metavar="SECONDS", help="such as 4 or 1/60")
     add("--f-number", type=number(0.1, 1e3), metavar="N", help="with --exposure")
@@ -40,14 +41,16 @@ def _render(options: Namespace) -> None:
         raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
     session.start()
     import equinox as eqx
+    import jax.numpy as jnp
     import numpy as np
 
     from eclipsejax.camera import Exposure
-    from eclipsejax.render import render
+    from eclipsejax.photometry import pictured_brightness
+    from eclipsejax.render import disc_offsets, render
     from eclipsejax.response import bright_gain, display, into_gamut
     from eclipsejax.scene import Scene
 
-    parts = {"camera": shared.camera(options), "scatterers": shared.scatterers(options)}
+    parts = {"camera": shared.camera(options), "scatterers": shared.scatterers(options), "flattened": options.flattened}
     scene = Scene.at(options.utc.strip(), *(options.site or ()), **parts)
     limb = shared.atmosphere(options)
     image = np.asarray(eqx.filter_jit(render)(scene, limb, tolerance=options.tolerance))
@@ -58,6 +61,13 @@ def _render(options: Namespace) -> None:
     else:
         gain = options.gain or bright_gain(image)
         print(f"The Moon is brightened {f'{gain:,.0f}' if gain >= 10 else f'{gain:g}'} times.")
+
+    seen = pictured_brightness(scene, jnp.asarray(image))
+    line = f"The whole Moon is dimmed by {seen.dimming:.1f} mag, to magnitude {seen.magnitude:.1f}"
+    # Danjon's number is for a Moon that is wholly in the umbra.
+    if disc_offsets(scene.geometry)[1] < scene.umbra():
+        line += f"; Danjon's L would be {seen.danjon:.1f}"
+    print(f"{line}.")
 
     with whole_file(options.output) as path:
         if path.suffix.lower() == ".png":

@@ -31,6 +31,7 @@ def add_to(commands) -> None:
     error = "relative error wanted of the light: 1e-2, 1e-3 (default), 1e-4 or 1e-5"
     add("--tolerance", type=number(1e-5, 1e-1), default=1e-3, metavar="E", help=error)
     shared.add_air(command)
+    shared.add_scattered(command)
 
 
 def _wavelengths(text: str) -> tuple[float, ...]:
@@ -55,6 +56,7 @@ def _texture(options: Namespace) -> None:
         distances=distances,
         size=round(options.size),
         channels=options.wavelengths and three_wavelengths(*options.wavelengths),
+        scatterers=shared.scatterers(options),
         tolerance=options.tolerance,
     )
     rows, columns, _ = texture.shape

@@ -5,18 +5,21 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from eclipsejax.almanac import nearest_eclipse
 from eclipsejax.errors import InputError
 from eclipsejax.figures.air import air_plate
+from eclipsejax.figures.chart import chart_plate
 from eclipsejax.figures.danjon import danjon_plate
 from eclipsejax.figures.light import light_plate
 from eclipsejax.figures.moonset import moonset_plate
 from eclipsejax.figures.page import FAINT, INK, PAPER, Plate
 from eclipsejax.figures.refraction import refraction_plate
 from eclipsejax.figures.series import exposures_plate, mid_eclipse_plate, prediction_plate
+from eclipsejax.figures.sun import sun_plate
 from eclipsejax.figures.surface import surface_plate
 from eclipsejax.figures.tank import tank_plate
 from eclipsejax.figures.to_the_moon import moon_path_plate
-from eclipsejax.figures.worlds import dust_plate, worlds_plate
+from eclipsejax.figures.worlds import SITE, TOTAL, dust_plate, worlds_plate
 
 PAGE = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -51,6 +54,8 @@ def plates(size: int = 320) -> dict[str, Callable[[], Plate]]:
         "dust": partial(dust_plate, size),
         "danjon": partial(danjon_plate, size),
         "moonset-2022": partial(moonset_plate, size),
+        "course-2008": partial(chart_plate, nearest_eclipse(TOTAL), SITE, size),
+        "sun": partial(sun_plate, size),
         "air": air_plate,
         "tank": tank_plate,
         "refraction": refraction_plate,

@@ -120,7 +120,8 @@ def _spectra(panel, wavelength, offset, light) -> None:
     panel.set(ylim=(1e-9, 2), xlim=(380, 780))
     for at, where in zip(OFFSETS, panel.get_lines(), strict=True):
         y = where.get_ydata()[-1]
-        panel.annotate(f"{at}'", (780, y), (3, 0), textcoords="offset points", color=FAINT, fontsize=8, va="center")
+        down = 5 if at == 0 else 0  # off the label of the next
+        panel.annotate(f"{at}'", (780, y), (3, -down), textcoords="offset points", color=FAINT, fontsize=8, va="center")
 
 
 def _luminances(panel, offset, light) -> None:

@@ -59,11 +59,11 @@ class Plate(Figure):
         self.title = title
         self.caption = ""
 
-    def png(self) -> bytes:
+    def png(self, dpi: float = DPI) -> bytes:
         """The figure as a PNG file."""
         file = io.BytesIO()
         with matplotlib.style.context(["default", _STYLE]):
-            self.savefig(file, format="png", facecolor=PAPER, metadata={"Title": self.title, "Software": None})
+            self.savefig(file, format="png", dpi=dpi, facecolor=PAPER, metadata={"Title": self.title, "Software": None})
         return file.getvalue()
 
     def html(self) -> str:

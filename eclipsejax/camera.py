@@ -208,11 +208,11 @@ def tone_curve(linear: Float[ArrayLike, "..."], camera: Camera) -> Float[Array, 
         return linear
     tone = camera.tone
     light = (linear - tone.black) / (1.0 - tone.black)
-    lit = light > 1e-6  # a power has no finite slope at zero; 16 bits end at 1.5e-5
-    x = jnp.where(lit, light, 1.0) ** tone.exponent
+    dark = light <= 1e-6  # a power has no finite slope at zero; 16 bits end at 1.5e-5; NaN is not dark
+    x = jnp.where(dark, 1.0, light) ** tone.exponent
     x = x * (1.0 + tone.toe) * x / jnp.maximum(x + tone.toe, 1e-30)
     x = x * (1.0 + tone.shoulder) / (1.0 + tone.shoulder * x)
-    return jnp.where(lit, x, 0.0)
+    return jnp.where(dark, 0.0, x)
 
 
 def signal(image: Float[ArrayLike, "row column 3"], camera: Camera) -> Float[Array, "row column 3"]:

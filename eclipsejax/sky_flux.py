@@ -93,6 +93,8 @@ def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) ->
     basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
     seen = piece.counts & (piece.cell >= 0) & (piece.cell < cells.count)
     moments = jnp.where(seen[:, None], jnp.einsum("pn,pnk->pk", flux, basis), 0.0)
+    # Rays whose angle is NaN lie in no cell, and would pass for darkness.
+    moments = jnp.where(jnp.isfinite(jnp.sum(rays.psi)), moments, jnp.nan)
     place = piece.crossed.astype(int), jnp.clip(piece.cell, 0, cells.count - 1)
     return jnp.zeros((2, cells.count, basis.shape[-1])).at[place].add(moments)
 

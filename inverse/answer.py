@@ -34,6 +34,8 @@ class Answer:
     - `log_posterior`: (chain, draw); None for Laplace's Gaussian.
     - `weighed`: the importance sampling, where it was tried.
     - `chain`, `diagnosis`: of the ensembles, where they were needed; by "emcee+psis" those of the surrogate.
+    - `evaluated`, `not_finite`: points at which the posterior was asked for, and at which it was no finite number and
+      taken as zero. A chain that is gone on with counts its own run alone.
     """
 
     method: str
@@ -42,11 +44,16 @@ class Answer:
     weighed: Importance | None = None
     chain: Chain | None = None
     diagnosis: Diagnosis | None = None
+    evaluated: int = 0
+    not_finite: int = 0
 
     @property
     def report(self) -> dict[str, Any]:
         """For `Fit.diagnostics`."""
-        found: dict[str, Any] = {"method": self.method, "psis": None, "sampler": None}
+        found: dict[str, Any] = {
+            "method": self.method, "psis": None, "sampler": None,
+            "evaluated": self.evaluated, "not_finite": self.not_finite,
+        }  # fmt: skip
         if self.weighed is not None:
             found["psis"] = {"k_hat": _finite(self.weighed.k_hat), "effective_samples": self.weighed.effective_samples}
         if self.chain is not None and self.diagnosis is not None:
@@ -94,6 +101,12 @@ def answer(
     density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)
+    found = _drawn(density, centre, covariance, draws, seed, before, keep, progress)
+    return replace(found, evaluated=density.evaluated, not_finite=density.not_finite)
+
+
+def _drawn(density: LimbPosterior, centre, covariance, draws: int | None, seed: int, before, keep, progress) -> Answer:
+    """The `answer` where Laplace's Gaussian alone is not enough."""
     weighed = None
     if draws is None:
         progress("weighing", 0, 1)
@@ -178,6 +191,7 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
     optimum = Optimum(
         np.asarray(numbers["z"]), float(numbers["cost"]), bool(numbers["converged"]), int(numbers["steps"]),
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
+        int(numbers.get("not_finite", 0)),
     )  # fmt: skip
     likelihood = likelihood.carried(np.asarray(numbers["carried_at"]))
     fitted = tuple(

@@ -1,14 +1,12 @@
 """The samples drawn so far, and a file that survives whatever happens to the program.
 
-The whole file is written anew beside the old one and put in its place in one step, so that a kill at any moment leaves
-a whole file, the old one or the new one. (emcee's own HDF5 backend changes its file in place: killed half-way, HDF5
-may not open it again.) A file holds all that the next step depends on, so that a chain that was interrupted goes on
-bit for bit as if it had not been.
+The whole file is written anew and put in the place of the old one in one step (`inverse.whole_file`). (emcee's own
+HDF5 backend changes its file in place: killed half-way, HDF5 may not open it again.) A file holds all that the next
+step depends on, so that a chain that was interrupted goes on bit for bit as if it had not been.
 """
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ import h5py
 import numpy as np
 
 from eclipsejax.errors import InputError
+from inverse.whole_file import reason, whole_file
 
 FORMAT = 1
 
@@ -62,20 +61,15 @@ class Record:
 
     def write(self, path: Path) -> None:
         """Put this record in the place of what the file held, in one step."""
-        part = path.with_name(path.name + ".part")
         try:
-            with h5py.File(part, "w") as file:
+            with whole_file(path) as part, h5py.File(part, "w") as file:
                 file.attrs.update(format=FORMAT, identity=json.dumps(self.identity), hash=digest(self.identity))
                 for name, value in self.beginning.items():
                     file[f"beginning/{name}"] = value
                 _write_chain(file, self.chain)
-            with part.open("rb") as file:
-                os.fsync(file.fileno())
-            os.replace(part, path)
         except OSError as error:
             raise InputError(
-                f"The chain cannot be written to {path} ({error.strerror or error}): make room or give --out "
-                "another folder."
+                f"The chain cannot be written to {path} ({reason(error)}): make room or give --out another folder."
             ) from None
 
 

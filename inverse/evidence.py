@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from numbers import Real
 from pathlib import Path
 
 import equinox as eqx
@@ -76,6 +77,8 @@ def gather(
     times = times_of(photos, time)
     one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
     sites, discs = _each(site, len(photos), "Sites"), _each(disc, len(photos), "Discs")
+    for one in sites:
+        _check_site(one)
     found = []
     for number, item in enumerate(zip(photos, times, sites, discs, strict=True), 1):
         found.append(_place(*item, one_clock))
@@ -90,6 +93,17 @@ def _each(given, count: int, what: str) -> list:
     if len(given) != count:
         raise InputError(f"{what}: {len(given)} for {count} photographs; give one for each, or one for all.")
     return given
+
+
+def _check_site(site) -> None:
+    """`InputError` unless it is None or two or three numbers."""
+    if site is None:
+        return
+    if not isinstance(site, tuple | list) or len(site) not in (2, 3) or not all(isinstance(x, Real) for x in site):
+        raise InputError(
+            f"The site {site!r} is not (LAT, LON) or (LAT, LON, HEIGHT): give one such tuple for all photographs, or "
+            "a list with one for each."
+        )
 
 
 def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None) -> list[str]:

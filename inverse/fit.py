@@ -114,7 +114,8 @@ def optimise(evidence, likelihood: Likelihood, progress: Callable[[Progress], No
                 likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.usable, around, strict=True
             )
         ))  # fmt: skip
-        optimum = maximum(likelihood, [optimum.z])
+        later = maximum(likelihood, [optimum.z])
+        optimum = replace(later, not_finite=optimum.not_finite + later.not_finite)
         progress(Progress("fitting", len(STARTS) + number + 1, STAGES))
     return replace(optimum, costs=first.costs), likelihood
 
@@ -138,7 +139,8 @@ def conclude(
     diagnostics = {
         "converged": optimum.converged,
         "steps": optimum.steps,
-        "costs_of_starts": optimum.costs,
+        "costs_of_starts": [cost if np.isfinite(cost) else None for cost in optimum.costs],
+        "steps_not_finite": optimum.not_finite,
         "errors": [
             {"independent": errors.independent, "smooth": errors.smooth, "chromatic": errors.chromatic}
             for errors in likelihood.errors

@@ -12,6 +12,7 @@ from inverse.html_page import folded, heading, listed, page, paragraph, picture,
 from inverse.information import NOT_INFORMED, in_words, independent_in_words
 from inverse.misfit_check import all_unexplained
 from inverse.result import Estimate, Fit
+from inverse.whole_file import whole_file
 
 PINATUBO = (0.10, 0.15)  # optical depth of the stratosphere in the two years after June 1991
 CAPTIONS = {
@@ -28,7 +29,8 @@ def write_html(fit: Fit, folder: str | Path, pictures: Sequence[Path]) -> Path:
     """
     path = Path(folder) / "report.html"
     # A file name that is no Unicode has half characters in it, which no file can hold.
-    path.write_text(html_report(fit, pictures), encoding="utf-8", errors="replace")
+    with whole_file(path) as part:
+        part.write_text(html_report(fit, pictures), encoding="utf-8", errors="replace")
     return path
 
 
@@ -183,10 +185,23 @@ def _errors(fit: Fit) -> list[str]:
 
 def _drawing(diagnostics: Mapping[str, Any]) -> list[str]:
     method = str(diagnostics.get("method", "laplace"))
-    rows = [[name, value] for key in ("psis", "sampler") for name, value in _flat(diagnostics.get(key) or {}, key)]
+    rows = [
+        [name, value]
+        for key in ("psis", "sampler", "evaluated", "not_finite")
+        for name, value in _flat(diagnostics.get(key) or {}, key)
+    ]
     others = [
         [name, value]
-        for key in ("converged", "steps", "costs_of_starts", "condition_number", "residual_rms", "cells", "seconds")
+        for key in (
+            "converged",
+            "steps",
+            "costs_of_starts",
+            "steps_not_finite",
+            "condition_number",
+            "residual_rms",
+            "cells",
+            "seconds",
+        )
         if key in diagnostics
         for name, value in _flat(diagnostics[key], key)
     ]

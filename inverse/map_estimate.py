@@ -30,6 +30,7 @@ class Optimum:
     - `steps`: taken.
     - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
     - `costs`: of all starts.
+    - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
     """
 
     z: np.ndarray
@@ -38,6 +39,7 @@ class Optimum:
     steps: int
     information: np.ndarray
     costs: tuple[float, ...]
+    not_finite: int = 0
 
     @property
     def covariance(self) -> np.ndarray:
@@ -76,10 +78,11 @@ def maximum(
     - `starts`: vectors z (parameter,).
     - `report`: called with the number of starts done.
     """
-    best, costs = None, []
+    best, costs, lost = None, [], 0
     for number, start in enumerate(starts, 1):
         found = _descend(likelihood, np.asarray(start, dtype=float), COST_CHANGE if len(starts) == 1 else ROUGH)
         costs.append(found.cost)
+        lost += found.not_finite
         if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
             best = found
         report(number)
@@ -87,28 +90,32 @@ def maximum(
         raise FloatingPointError("no start gave a finite posterior")
     if len(starts) > 1:
         best = _descend(likelihood, best.z, COST_CHANGE)
-    return replace(best, costs=tuple(costs))
+        lost += best.not_finite
+    return replace(best, costs=tuple(costs), not_finite=lost)
 
 
 def _descend(likelihood: Likelihood, start: np.ndarray, change: float) -> Optimum:
     at = lru_cache(maxsize=2)(lambda z: quadratic(likelihood, np.frombuffer(z)))
+    lost = 0
 
     def jacobian(z):
         return np.linalg.cholesky(at(z.tobytes()).information).T
 
     def residual(z):
+        nonlocal lost
         # Any root of the normal equations has their steps; the last row makes up the rest of the cost.
         here = at(z.tobytes())
         if not (np.isfinite(here.cost) and np.isfinite(here.information).all()):
+            lost += 1
             return np.full(z.size + 1, np.inf)
         row = np.linalg.solve(jacobian(z).T, here.gradient)
         return np.append(row, np.sqrt(max(here.cost - row @ row, 0.0)))
 
     if not np.isfinite(residual(start)).all():
-        return Optimum(start, np.inf, False, 0, np.eye(start.size), ())
+        return Optimum(start, np.inf, False, 0, np.eye(start.size), (), lost)
     found = least_squares(
         residual, start, lambda z: np.vstack([jacobian(z), np.zeros(z.size)]),  # pyright: ignore[reportArgumentType]
         ftol=change, xtol=STEP, gtol=1e-12, max_nfev=MOST_STEPS,
     )  # fmt: skip
     here = at(found.x.tobytes())
-    return Optimum(found.x, here.cost, found.status > 0, int(found.nfev), here.information, ())
+    return Optimum(found.x, here.cost, found.status > 0, int(found.nfev), here.information, (), lost)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from inverse.result import PhotoFit
+from inverse.whole_file import whole_file
 
 CHANNELS = {"red": "#d62728", "green": "#2a8c2a", "blue": "#1f5fd0"}  # colours of lines
 LINE = 0.16  # inch, of a warning
@@ -25,7 +26,7 @@ def drawn(draw: Callable, path: Path) -> Path:
         warnings.filterwarnings("ignore", "Glyph", UserWarning)  # a file name in a script that the font lacks
         canvas = FigureCanvasAgg(Figure(dpi=100))
         draw(canvas.figure)
-        with path.open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             canvas.print_png(file)
     return path
 

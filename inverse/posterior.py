@@ -28,10 +28,14 @@ TOGETHER = 8  # of them worked out side by side: more needs memory and is no fas
 
 
 class LimbPosterior:
-    """Log posterior of the limb up to a constant, the nuisances marginalised about an optimum."""
+    """Log posterior of the limb up to a constant, the nuisances marginalised about an optimum.
+
+    - `evaluated`, `not_finite`: at how many points it was asked for, and at how many it was not a finite number.
+    """
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood = likelihood
+        self.evaluated = self.not_finite = 0
         count = len(likelihood.parameters) - LIMB
         slopes, self.shifts = [], []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
@@ -47,11 +51,19 @@ class LimbPosterior:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        return log_density(z, np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)])
+        value = log_density(z, np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)])
+        self._count(value)
+        return value
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
         """Whitened misfits (draw, datum), whose squares make the `log_density`."""
-        return np.concatenate(list(self._parts(z)))[: len(z)]
+        found = np.concatenate(list(self._parts(z)))[: len(z)]
+        self._count(np.sum(found, axis=1))
+        return found
+
+    def _count(self, values: np.ndarray) -> None:
+        self.evaluated += values.size
+        self.not_finite += int(np.sum(~np.isfinite(values)))
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
         """Misfits, `BATCH` points at a time, the last ones repeated."""

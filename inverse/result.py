@@ -10,6 +10,7 @@ import numpy as np
 
 from eclipsejax.errors import InputError
 from inverse.diagnostics import arviz
+from inverse.whole_file import reason, whole_file
 
 NEAR_ZERO = 1.5  # times the lower end of the prior's 95 %
 
@@ -162,7 +163,7 @@ class Fit:
         }
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write fit.json, posterior.nc, the pictures and report.html; returns what was written."""
+        """Write fit.json, posterior.nc, the pictures and report.html, each whole or not; returns what was written."""
         from inverse.html_report import write_html
         from inverse.report import write_pictures
 
@@ -170,13 +171,15 @@ class Fit:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             written = [folder / "fit.json", folder / "posterior.nc"]
-            written[0].write_text(json.dumps(self.to_dict(), indent=2, default=_plain) + "\n")
-            self.posterior.to_netcdf(str(written[1]))
+            with whole_file(written[0]) as part:
+                part.write_text(json.dumps(self.to_dict(), indent=2, default=_plain) + "\n")
+            with whole_file(written[1]) as part:
+                self.posterior.to_netcdf(str(part))
             pictures = write_pictures(self, folder)
             return [*written, *pictures, write_html(self, folder, pictures)]
         except OSError as error:
             raise InputError(
-                f"The report cannot be written to {folder}: {error.strerror or error}; give --out a folder."
+                f"The report cannot be written to {folder}: {reason(error)}; give --out a folder."
             ) from None
 
 

@@ -185,6 +185,11 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     sentences = [remark for item in evidence for remark in item.remarks]
     if not diagnostics["converged"]:
         sentences.append("The optimiser did not converge: the numbers are those of its last step.")
+    if lost := diagnostics["not_finite"]:
+        sentences.append(
+            f"The posterior was not a finite number at {lost} of the {diagnostics['evaluated']} points where it was "
+            "asked for, and was taken as zero there: the intervals leave out whatever lies there."
+        )
     sentences += all_unexplained([item.name for item in evidence], diagnostics)
     sampler = diagnostics["sampler"]
     if sampler is not None and not sampler["converged"]:

@@ -93,6 +93,7 @@ def made(task, hashes, converged=True, limit=False) -> QuickFit:
         "errors": [{"independent": 1.0, "smooth": 0.1, "chromatic": 0.04}],
         "residual_rms": [0.05], "cells": [100] * len(hashes),
         "method": "laplace+psis", "psis": {"k_hat": float("inf"), "effective_samples": 500.0}, "sampler": None,
+        "evaluated": 2000, "not_finite": 3,
     }  # fmt: skip
     return QuickFit(estimates, {}, {}, (), diagnostics, ("A warning.",), {"photographs": photographs})
 

@@ -1,6 +1,7 @@
 """The cheapest way that can be trusted is the one that answers, and an answer says which it was."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -15,9 +16,22 @@ from inverse.answer import answer, away_from_zero, beginning, begun, by_ensemble
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
+from inverse.posterior import LimbPosterior
 from tests.targets import gaussian
 
 SIZE = len(prior.ATMOSPHERE)
+
+
+@dataclass
+class Plain:
+    """A log density that counts nothing."""
+
+    density: Callable
+    evaluated: int = 0
+    not_finite: int = 0
+
+    def __call__(self, z):
+        return self.density(z)
 
 
 @pytest.fixture
@@ -26,6 +40,7 @@ def asked(monkeypatch):
 
     def ask(density, z, covariance, draws=None, before=None):
         kept = []
+        density = density if isinstance(density, LimbPosterior) else Plain(density)
         monkeypatch.setattr(module, "LimbPosterior", lambda likelihood, optimum: density)
         monkeypatch.setattr(module, "interpolated", lambda *_, **__: SimpleNamespace(trusted=False))
         information = np.linalg.inv(covariance)
@@ -79,6 +94,35 @@ def test_no_draws_are_laplaces(asked):
     assert found.method == "laplace" and found.log_posterior is None and found.report["psis"] is None
 
 
+class Holed(LimbPosterior):
+    """Of straight misfits that make a Gaussian about `DUSTY`; no numbers where the second parameter is above a wall."""
+
+    def __init__(self, wall):
+        self.evaluated = self.not_finite = 0
+        self.wall = wall
+
+    def _parts(self, z):
+        misfits = np.sqrt(1 / 0.04 - 1) * (z - DUSTY / (1 - 0.04))
+        yield np.where(z[:, 1:2] > self.wall, np.nan, misfits)
+
+
+@pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (640, "emcee")])
+def test_points_that_are_no_numbers_are_counted_and_none_of_the_draws(asked, draws, method):
+    whole, _ = asked(Holed(np.inf), DUSTY, COVARIANCE, draws=draws)
+    assert whole.report["not_finite"] == 0 and whole.z[..., 1].max() > 0.3
+    assert whole.report["evaluated"] >= (draws or 2000)
+    holed, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=draws)  # 1.5 standard deviations: 7 %
+    told = holed.report
+    assert holed.method == told["method"] == method and holed.z[..., 1].max() <= 0.3
+    assert 0.02 < told["not_finite"] / told["evaluated"] < 0.15
+
+
+def test_a_chain_that_goes_on_counts_its_own_points(asked):
+    found, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=64 * 20)
+    longer, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
+    assert 640 <= longer.report["evaluated"] < found.report["evaluated"]
+
+
 def test_a_chain_goes_on_only_under_the_density_it_was_drawn_from(asked):
     found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
     longer, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
@@ -110,7 +154,7 @@ class Carried:
 
 
 def test_a_beginning_comes_back_from_numbers():
-    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5))
+    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2)
     before = Errors(np.ones(4), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
     prepared, found = Carried((before,), np.zeros(3)), Carried((fitted,), np.ones(3))
@@ -120,6 +164,7 @@ def test_a_beginning_comes_back_from_numbers():
         assert given == draws
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
+        assert same.not_finite == 2
         assert np.array_equal(likelihood.carried_at, found.carried_at)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
         assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

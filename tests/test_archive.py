@@ -1,10 +1,15 @@
 """Archives: catalogues that cannot be believed, rows that can, photographs of one eclipse together."""
 
 import csv
+import io
 import json
+import socket
+from email.message import Message
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from urllib.request import BaseHandler
+from urllib.response import addinfourl
 
 import numpy as np
 import pytest
@@ -225,6 +230,94 @@ def test_a_redirect_away_from_https_is_refused():
         fetch._OnlyHttps().redirect_request(None, None, 302, "", {}, "http://example.org/")
 
 
+PRIVATE = (
+    "127.0.0.1", "127.8.9.1", "10.1.2.3", "172.16.0.1", "172.31.255.255", "192.168.1.1", "169.254.169.254", "0.0.0.0",
+    "100.64.0.1", "224.0.0.1", "::1", "::", "fc00::1", "fd12::1", "fe80::1%eth0", "::ffff:127.0.0.1",
+)  # fmt: skip
+PUBLIC = ("93.184.216.34", "172.32.0.1", "2606:2800:220:1::1")
+
+
+@pytest.fixture
+def names(monkeypatch):
+    """What names stand for, for a resolver without a network; numbers stand for themselves."""
+    known = {"example.org": [PUBLIC[0]], "localhost": ["::1", "127.0.0.1"]}
+
+    def resolved(host, port, **_):
+        if host == "unknown.example":
+            raise socket.gaierror(-2, "Name or service not known")
+        return [
+            (socket.AF_INET6 if ":" in number else socket.AF_INET, socket.SOCK_STREAM, 6, "", (number, port))
+            for number in known.get(host, [host])
+        ]
+
+    monkeypatch.setattr(fetch.socket, "getaddrinfo", resolved)
+    return known
+
+
+def test_hosts_that_are_not_on_the_open_internet_are_refused_by_name_and_by_number(names):
+    for number in PRIVATE:
+        names["inside.example"] = [PUBLIC[0], number]  # one bad place suffices
+        written = f"[{number.partition('%')[0]}]" if ":" in number else number
+        for host in ("inside.example", written):
+            with pytest.raises(InputError, match="not on the open internet") as refused:
+                fetch.check_public(f"https://{host}/moon.jpg")
+            assert "\n" not in str(refused.value)
+    with pytest.raises(InputError, match="leads to ::1"):
+        fetch.check_public("https://localhost:8443/moon.jpg")
+    for number in PUBLIC:
+        names["outside.example"] = [number]
+        fetch.check_public("https://outside.example/moon.jpg")
+    fetch.check_public("https://unknown.example/moon.jpg")  # the connection will tell
+
+
+class Told(addinfourl):
+    """An answer with a phrase, which urllib wants of it."""
+
+    msg = ""
+
+
+class Redirecting(BaseHandler):
+    """Answers in the place of the network: from example.org it sends on to an address."""
+
+    handler_order = 100
+
+    def __init__(self, onward):
+        self.onward, self.asked = onward, []
+
+    def https_open(self, request):
+        self.asked.append(request.full_url)
+        first = request.host == "example.org"
+        headers = Message()
+        if first:
+            headers["Location"] = self.onward
+        return Told(io.BytesIO(b"ok 0 moon"), headers, request.full_url, 302 if first else 200)
+
+
+@pytest.mark.parametrize(
+    "onward, words",
+    [
+        ("https://inside.example/moon.jpg", "leads to 10.0.0.1, which is not on the open internet"),
+        ("https://127.0.0.1/moon.jpg", "leads to 127.0.0.1"),
+        ("http://outside.example/moon.jpg", "not an https address"),
+        ("file:///etc/passwd", "cannot be fetched"),
+        ("https://outside.example/moon.jpg", ""),
+    ],
+)
+def test_redirects_lead_to_the_open_internet_by_https_or_nowhere(tmp_path, monkeypatch, names, onward, words):
+    names |= {"inside.example": ["10.0.0.1"], "outside.example": [PUBLIC[1]]}
+    opener, network = fetch._opener(), Redirecting(onward)
+    opener.add_handler(network)
+    monkeypatch.setattr(fetch, "_opener", lambda: opener)
+    if words == "":
+        with opener.open("https://example.org/moon.jpg") as answer:
+            assert answer.read() == b"ok 0 moon"
+        assert network.asked == ["https://example.org/moon.jpg", onward]
+        return
+    with pytest.raises(InputError, match=words):
+        fetch.fetched("https://example.org/moon.jpg", tmp_path)
+    assert network.asked == ["https://example.org/moon.jpg"] and not list(tmp_path.iterdir())
+
+
 # Rows
 
 
@@ -252,6 +345,7 @@ def test_rows_of_photographs_and_eclipses(tmp_path):
         and first["stratospheric_optical_depth_upper_limit"] is None
     )
     assert (first["latitude"], first["longitude"], first["height"]) == (-10.94, -37.06, None)
+    assert first["not_finite"] == 3 and photographs[4].get("not_finite") is None
     assert first["k_hat"] is None  # infinite, which JSON has not
     assert "line 6: not/there.jpg does not exist" in photographs[4]["error"]
     assert (tmp_path / "out" / "optical_depth.png").stat().st_size > 5000

@@ -37,7 +37,7 @@ def test_a_file_gives_back_what_was_written(stored):
     record = read_record(path, IDENTITY)
     assert_same(record.chain, chain)
     assert record.identity == IDENTITY and record.beginning["inflation"] == 1.0
-    assert not path.with_name("chain.h5.part").exists()
+    assert not path.with_name(".chain.h5.part").exists()
     assert 0.2 < chain.acceptance < 0.7
 
 
@@ -106,7 +106,7 @@ def test_a_file_is_whole_whenever_its_writer_is_killed(stored, tmp_path):
         killed(process)
         z = read_record(path, IDENTITY).chain.z
         assert np.ptp(z) == 0.0 and z.shape[1] == 20 * (int(z.flat[0]) % 50 + 1), trial
-        partial += path.with_name("chain.h5.part").exists()
+        partial += path.with_name(".chain.h5.part").exists()
         record.write(path)  # what a kill left behind does not hinder the next
     assert partial > 0  # some kills did come amid the writing
 

@@ -122,6 +122,10 @@ def test_each_photograph_may_have_a_site_of_its_own():
     assert [item.site for item in gathered(there, 1)] == [there, there]
     with pytest.raises(InputError, match="Sites: 3 for 2 photographs"):
         gathered([there] * 3, None)
+    for wrong in ([42.7, -73.7], "42.7,-73.7", (42.7,), (there, there), (42.7, "-73.7"), 42.7):
+        with pytest.raises(InputError, match="list with one for each") as refused:
+            gathered(wrong, None)
+        assert "\n" not in str(refused.value)
     with pytest.raises(InputError, match="Discs: 1 for 2 photographs"):
         gathered(there, [1])
 

@@ -141,7 +141,9 @@ def test_verdict_stands_among_the_warnings():
         name: replace(estimate, informed=0.9, ci95=(1.0, 2.0), prior_ci95=(0.1, 9.0))
         for name, estimate in fake_fit().estimates.items()
     }
-    diagnostics = {"converged": True, "errors": [FOUND], "sampler": None, "misfit_checks": [checked()]}
+    diagnostics = {"converged": True, "errors": [FOUND], "sampler": None, "misfit_checks": [checked()], "not_finite": 0}
     assert warnings_of(evidence, found, diagnostics) == []
     [sentence] = warnings_of(evidence, found, {**diagnostics, "misfit_checks": [checked(error=1.3)]})
     assert sentence.startswith("This model cannot explain a.jpg")
+    [sentence] = warnings_of(evidence, found, {**diagnostics, "evaluated": 4048, "not_finite": 12})
+    assert "at 12 of the 4048 points" in sentence and "taken as zero there" in sentence

@@ -84,6 +84,7 @@ def test_a_start_that_is_nowhere_finite_leaves_the_others_alone(likelihood):
     lost = np.full(COUNT, np.nan)
     optimum = maximum(likelihood, [lost, start])
     assert np.isinf(optimum.costs[0]) and np.isfinite(optimum.cost)
+    assert optimum.not_finite == 1 and maximum(likelihood, [start]).not_finite == 0
     with pytest.raises(FloatingPointError):
         maximum(likelihood, [lost])
 

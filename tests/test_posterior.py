@@ -29,7 +29,17 @@ def test_batches_of_any_length_give_what_single_points_give(posterior):
     for index in (0, BATCH, BATCH + 4):
         assert posterior(z[index : index + 1])[0] == pytest.approx(together[index], rel=1e-9)
     misfits = posterior.misfits(z)
+    assert posterior.evaluated == 2 * (BATCH + 5) + 3 and posterior.not_finite == 0
     np.testing.assert_allclose(together, -0.5 * (np.sum(misfits**2, axis=1) + np.sum(z**2, axis=1)), rtol=1e-9)
+
+
+def test_a_number_that_is_lost_anywhere_is_lost_in_every_datum(likelihood):
+    """Were it taken for darkness on its way, the posterior would be finite, and wrong."""
+    usable = np.asarray(likelihood.usable[0]) > 0
+    for index in range(len(likelihood.parameters)):
+        z = np.zeros(len(likelihood.parameters))
+        z[index] = np.nan
+        assert np.isnan(likelihood.misfits(z)[0][usable]).all(), likelihood.labels[index]
 
 
 def test_nuisances_are_integrated_out(likelihood, posterior):
@@ -44,5 +54,8 @@ def test_nuisances_are_integrated_out(likelihood, posterior):
 def test_a_point_without_a_finite_density_is_ruled_out(posterior):
     z = np.zeros((2, LIMB))
     z[1] = np.nan
+    before, lost = posterior.evaluated, posterior.not_finite
     value = posterior(z)
     assert np.isfinite(value[0]) and value[1] == -np.inf
+    assert not np.isfinite(posterior.misfits(z)[1]).any()
+    assert (posterior.evaluated - before, posterior.not_finite - lost) == (4, 2)

@@ -1,6 +1,8 @@
 """What a fit says and saves: numbers that come back as they were, and one sentence where they cannot be written."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -106,6 +108,19 @@ def test_residual_counts_usable_cells_of_the_disc_only():
     photo.observed[5:9], photo.on_disc[5:9] = 1e6, False
     photo.observed[9:12, 0] = 0.0  # has no logarithm
     assert photo.residual_rms == pytest.approx(0.25, rel=1e-12)
+
+
+def test_a_report_that_cannot_be_written_leaves_the_one_before(fit, tmp_path, monkeypatch):
+    fit.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(number):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        replace(fit, warnings=("another",)).save(tmp_path)
+    assert before == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
 
 def test_a_place_that_cannot_be_written_gets_one_sentence(fit, tmp_path):

@@ -79,6 +79,28 @@ def test_a_surrogate_goes_through_its_points():
     assert fast.misfits.d.shape[1] <= COMPONENTS + 2
 
 
+class Holed(Bent):
+    """No numbers above 1.5 standard deviations of the second parameter."""
+
+    def __init__(self):
+        super().__init__(0.0)
+        centre, covariance = Bent(0.0).laplace()
+        self.wall = centre[1] + 1.5 * np.sqrt(covariance[1, 1])
+
+    def misfits(self, z):
+        return np.where(z[:, 1:2] > self.wall, np.nan, super().misfits(z))
+
+
+def test_where_there_are_no_numbers_there_are_no_draws(monkeypatch):
+    from inverse import surrogate as module
+
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    posterior = Holed()
+    found = interpolated(posterior, *Bent(0.0).laplace(), seed=3)
+    assert found.weighed.z[:, 1].max() <= posterior.wall
+    assert found.weighed.z[:, 0].std() > 0.5  # of the rest there are
+
+
 class Torn(Bent):
     """Misfits with a jump that no interpolation follows, beside the optimum."""
 

@@ -1,17 +1,20 @@
-"""Fetching a photograph of a catalogue: https only, no more than so many bytes, checked, all of it or nothing."""
+"""Fetching a photograph of a catalogue: by https from the open internet, so many bytes at most, checked, or nothing."""
 
 import hashlib
+import ipaddress
 import os
+import socket
 import time
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
 from urllib.parse import urlsplit
-from urllib.request import HTTPRedirectHandler, Request, build_opener
+from urllib.request import BaseHandler, HTTPRedirectHandler, Request, build_opener
 
-from eclipsejax.errors import InputError
+from eclipsejax.errors import InputError, printable
 from inverse.archive.catalogue import Listed, check_address
 from inverse.archive.rows import unwritable
 from inverse.filetype import SUFFIXES
+from inverse.whole_file import whole_file
 
 MOST_BYTES = 300e6
 MOST_SECONDS = 900.0  # altogether; one answer may take SILENCE
@@ -62,14 +65,10 @@ def fetched(address: str, folder: Path, sha256: str | None = None) -> tuple[Path
         found = file_hash(path)
         if sha256 in (None, found):
             return path, found
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path, f".{os.getpid()}") as part:
         found = _streamed(address, part)
         if sha256 not in (None, found):
             raise InputError(f"{address} is another file than the catalogue says: its sha256 is {found}.")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return path, found
 
 
@@ -95,8 +94,6 @@ def _streamed(address: str, part: Path) -> str:
                 raise
             reason = " ".join(str(getattr(error, "reason", None) or error).split()) or type(error).__name__
             raise InputError(f"{address} cannot be fetched ({reason}): check the address and the network.") from None
-        file.flush()
-        os.fsync(file.fileno())
     return digest.hexdigest()
 
 
@@ -117,5 +114,34 @@ class _OnlyHttps(HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
+class _OnlyPublic(BaseHandler):
+    """Looks at every request before it is sent, those that redirects make among them."""
+
+    def https_request(self, request: Request) -> Request:
+        check_public(request.full_url)
+        return request
+
+
+def check_public(address: str) -> None:
+    """`InputError` where the host of an https address is, or stands for, a place that is not on the open internet.
+
+    A catalogue from elsewhere is not to reach this machine or its network. A name that stands for another place a
+    moment later leads nowhere: what answers there has no certificate for it.
+    """
+    parts = urlsplit(address)
+    try:
+        known = socket.getaddrinfo(parts.hostname, parts.port or 443, type=socket.SOCK_STREAM)
+    except socket.gaierror:  # a proxy may know the name; else the connection tells
+        return
+    for *_, (number, *_) in known:
+        place = ipaddress.ip_address(str(number).partition("%")[0])
+        place = getattr(place, "ipv4_mapped", None) or place
+        if not place.is_global or place.is_multicast:
+            raise InputError(
+                f"{printable(address)} leads to {place}, which is not on the open internet: fetch it yourself and name "
+                "the file."
+            )
+
+
 def _opener():
-    return build_opener(_OnlyHttps)
+    return build_opener(_OnlyHttps, _OnlyPublic)

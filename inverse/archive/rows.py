@@ -11,7 +11,6 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
@@ -20,6 +19,7 @@ from typing import Any
 
 from eclipsejax.errors import InputError, printable
 from inverse.chain import digest
+from inverse.whole_file import reason, whole_file
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}
@@ -93,6 +93,7 @@ def found(fit, task: Task, seconds: float) -> dict[str, Any]:
         "cells": sum(told.get("cells") or [0]),
         "k_hat": _number(weighed.get("k_hat")),
         "r_hat": _number(sampler.get("r_hat")),
+        "not_finite": told.get("not_finite"),
         "warnings": len(fit.warnings),
         "warnings_text": " ".join(fit.warnings),
     }
@@ -159,23 +160,17 @@ def write_row(out: Path, content: Mapping[str, Any]) -> None:
 
 def write_whole(path: Path, data: bytes) -> None:
     """Put a file in its place in one step; `Unwritable` where that cannot be done."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with part.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
+        with whole_file(path, f".{os.getpid()}") as part:
+            part.write_bytes(data)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
         raise unwritable(path.parent, error) from None
 
 
 def unwritable(folder: Path, error: OSError) -> Unwritable:
     """The sentence for a folder that takes nothing more."""
     return Unwritable(
-        f"{folder} cannot be written to ({error.strerror or error}): make room or correct its permissions, and run the "
+        f"{folder} cannot be written to ({reason(error)}): make room or correct its permissions, and run the "
         "same command again; what is finished is kept."
     )
 

@@ -34,6 +34,7 @@ COLUMNS: dict[str, type] = {
     "ess": float,
     "k_hat": float,
     "r_hat": float,
+    "not_finite": int,  # points where the posterior was no finite number, and taken as zero
     "smooth_error": float,
     "residual_rms": float,  # of log brightness; the worst photograph
     "cells": int,

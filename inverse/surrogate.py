@@ -26,7 +26,7 @@ ROUNDS = 5
 COMPONENTS = 40  # at most
 LEFT_OUT = 1e-2  # of the squared misfit, mean over the points, that components may leave out
 SCOUT, CHAIN_DRAWS = 48_000, 192_000  # draws of the chains that refine it, and at most of the one that counts
-WEIGHED = 2000  # of a long chain's draws; of the others `MORE`
+WEIGHED = 2000  # of a chain's draws
 STRAY, WALL = 1.5, 10.0  # times the largest usual distance between points; steepness of the density beyond
 
 
@@ -116,7 +116,7 @@ def interpolated(
         long = long or number == ROUNDS
         chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
         diagnosis = diagnose(chain.z)
-        drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[: WEIGHED if long else MORE]
+        drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
         fresh = posterior.misfits(drawn)
         points += len(drawn)
         exact = log_density(drawn, np.sum(fresh**2, axis=1))

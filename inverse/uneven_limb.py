@@ -42,9 +42,10 @@ def _smoothing(offset: np.ndarray, weight: np.ndarray) -> np.ndarray:
         return BSpline.design_matrix(np.clip(at, begin, far), knots, 3).toarray()
 
     here = basis(offset)
-    sides = (here, basis(-offset)) if begin < 0.0 else (here,)
-    fitted = sum(side.T @ (weight[:, None] * side) for side in sides)
-    right = sum(side.T * weight for side in sides)
+    both = np.concatenate([here, basis(-offset)]) if begin < 0.0 else here
+    right = both.T * np.resize(weight, len(both))
+    fitted = right @ both
     rough = np.diff(np.eye(fitted.shape[0]), n=3, axis=0)
     penalty = KNOTS * (WIDTH / KNOTS) ** 6 * rough.T @ rough
-    return here @ np.linalg.solve(fitted + penalty, right)
+    smooth = here @ np.linalg.solve(fitted + penalty, right)
+    return smooth.reshape(len(offset), -1, len(offset)).sum(axis=1)  # either side of the axis knows the same entry

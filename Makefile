@@ -5,18 +5,19 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help demo test test-slow lint docs bench render picture clean
+.PHONY: help demo test test-slow lint docs bench calibration render picture clean
 
 help:
-	@echo "make demo       fit the atmosphere of the eclipse of 2022-05-16; the report is in demo/"
-	@echo "make test       run the tests"
-	@echo "make test-slow  run the tests that take longer"
-	@echo "make lint       check style and types"
-	@echo "make docs       build the documentation in site/; broken references fail"
-	@echo "make bench      measure speed against error, here and of others; rewrites benchmarks/results/"
-	@echo "make render     render an eclipse to out/eclipse.png"
-	@echo "make picture    make the pictures of the README"
-	@echo "make clean      remove all that make has made, .venv included"
+	@echo "make demo         fit the atmosphere of the eclipse of 2022-05-16; the report is in demo/"
+	@echo "make test         run the tests"
+	@echo "make test-slow    run the tests that take longer"
+	@echo "make lint         check style and types"
+	@echo "make docs         build the documentation in site/; broken references fail"
+	@echo "make bench        measure speed against error, here and of others; rewrites benchmarks/results/"
+	@echo "make calibration  fit 500 photographs drawn from the prior: do intervals hold the truth? Takes hours, resumes"
+	@echo "make render       render an eclipse to out/eclipse.png"
+	@echo "make picture      make the pictures of the README"
+	@echo "make clean        remove all that make has made, .venv included"
 
 demo: $(READY)
 	$(BIN)/fit_atmosphere --demo --draws 3200 --out demo
@@ -40,6 +41,9 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.shadow_speed
 	$(BIN)/python -m benchmarks.scenes
 	$(BIN)/python -m benchmarks.picture
+
+calibration: $(READY)
+	$(BIN)/python -m benchmarks.calibration
 
 render: $(READY)
 	mkdir -p out

@@ -200,8 +200,7 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)
         data.append(jnp.asarray(np.log(scale).ravel()))
         mask.append(jnp.asarray(usable.astype(float).ravel()))
-        modes = noise.smooth_modes(position[on_disc], offset[on_disc])
-        sources.append(noise.Sources(sigma / scale, relative, modes, on_disc, usable))
+        sources.append(noise.Sources(sigma / scale, relative, noise.modes_of(position, offset, on_disc), usable))
     shadow = shadow_of([item.where for item in evidence])
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
     likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(sources), places(shared, models))

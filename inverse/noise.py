@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 INDEPENDENT = 0.05  # relative error of one cell: craters and the map's own errors
-SKY = 0.3  # relative error of the sky's brightness beside the Moon: glare is modelled coarsely
+SKY = 0.3  # relative error of the sky's brightness beside the Moon, all over it: glare is modelled coarsely
 COMMON = 0.10  # amplitude of the smooth error common to the channels
 CHROMATIC = 0.04  # amplitude of that of each channel
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
@@ -113,20 +113,43 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
+def sky_modes(position: np.ndarray) -> np.ndarray:
+    """Errors of the sky's brightness, in units of `COMMON` (cell, mode): as a whole, to either side, by the distance.
+
+    Hundreds of cells of the sky would else know the glare to a hundredth, and what it takes from the disc's contrast.
+
+    - `position`: (cell, 2) [radii of the disc].
+    """
+    distance = np.linalg.norm(position, axis=1)
+    modes = np.stack([np.ones(len(position)), *position.T / distance.max(initial=1.0), distance - 1.3], axis=1)
+    return SKY / COMMON * modes
+
+
+def modes_of(position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
+    """Modes of the disc's cells and of the sky's side by side (cell, mode).
+
+    - `position`: (cell, 2) [radii of the disc]; `offset`: from the shadow's axis (cell,) [rad]; `on_disc`: (cell,).
+    """
+    disc, sky = smooth_modes(position[on_disc], offset[on_disc]), sky_modes(position[~on_disc])
+    modes = np.zeros((on_disc.size, disc.shape[1] + sky.shape[1]))
+    modes[on_disc, : disc.shape[1]] = disc
+    modes[~on_disc, disc.shape[1] :] = sky
+    return modes
+
+
 @dataclass(frozen=True)
 class Sources:
     """Where the errors of (cell, channel) log values come from.
 
     - `noise`: of the pixels, in log value (cell, 3).
     - `light`: relative error of each cell's light in each channel (cell,).
-    - `smooth`: modes of `smooth_modes` (disc cell, mode); `on_disc`: which cells those are (cell,).
+    - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
     - `usable`: (cell, 3).
     """
 
     noise: np.ndarray
     light: np.ndarray
     smooth: np.ndarray
-    on_disc: np.ndarray
     usable: np.ndarray
 
     def errors(self, response: np.ndarray) -> Errors:
@@ -139,11 +162,10 @@ class Sources:
         """
         response = np.where(self.usable[..., None], response, 0.0)
         noise = np.where(self.usable, self.noise, 1.0)
-        cells, rank = self.on_disc.size, self.smooth.shape[1]
-        blocks = []
-        for by in (response.sum(axis=2), *np.moveaxis(response, 2, 0)):
-            block = np.zeros((cells, 3, rank))
-            block[self.on_disc] = by[self.on_disc, :, None] * self.smooth[:, None, :]
-            blocks.append(block.reshape(3 * cells, rank))
+        rank = self.smooth.shape[1]
+        blocks = [
+            (by[..., None] * self.smooth[:, None]).reshape(-1, rank)
+            for by in (response.sum(axis=2), *np.moveaxis(response, 2, 0))
+        ]
         sigma = np.sqrt(noise**2 + np.square(self.light[:, None]) * np.square(response).sum(axis=2))
         return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)

@@ -45,10 +45,10 @@ def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     assert np.linalg.eigvalsh(left).min() > -1e-9
 
 
-def grey_sources(sigma, modes, on_disc):
+def grey_sources(sigma, modes):
     """Errors of pixels, and smooth ones of the light."""
-    cells = on_disc.size
-    return noise.Sources(np.full((cells, 3), sigma), np.zeros(cells), modes, on_disc, np.full((cells, 3), True))
+    cells = len(modes)
+    return noise.Sources(np.full((cells, 3), sigma), np.zeros(cells), modes, np.full((cells, 3), True))
 
 
 def test_a_colour_matrix_mixes_the_errors_of_the_light():
@@ -56,7 +56,7 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     cells, modes = len(position), noise.smooth_modes(position, offset)
     matrix = np.array([[1.2, -0.3, 0.1], [0.0, 1.5, -0.5], [-1.0, -0.4, 2.4]])
     usable = np.random.default_rng(2).uniform(size=(cells, 3)) > 0.1
-    sources = noise.Sources(np.full((cells, 3), 0.02), np.full(cells, 0.05), modes, np.full(cells, True), usable)
+    sources = noise.Sources(np.full((cells, 3), 0.02), np.full(cells, 0.05), modes, usable)
     errors = sources.errors(np.broadcast_to(matrix, (cells, 3, 3)))
     scaled = errors.modes * errors.amplitudes
     mixed = noise.COMMON**2 * np.outer(matrix.sum(axis=1), matrix.sum(axis=1)) + noise.CHROMATIC**2 * matrix @ matrix.T
@@ -68,17 +68,21 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     assert not scaled[~used].any() and np.all(errors.scale[~used] == 1.0)
 
 
-def test_errors_have_the_stated_size_and_leave_the_sky_alone():
+def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     position, offset = disc()
     on_disc = np.concatenate([np.full(len(position), True), np.full(20, False)])
-    modes = noise.smooth_modes(position, offset)
-    errors = grey_sources(0.05, modes, on_disc).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
+    around = 1.3 * np.stack([np.cos(np.arange(20)), np.sin(np.arange(20))], axis=1)
+    position, offset = np.concatenate([position, around]), np.concatenate([offset, np.zeros(20)])
+    modes = noise.modes_of(position, offset, on_disc)
+    errors = grey_sources(0.05, modes).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
     smooth = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
-    assert not smooth[~on_disc].any()
+    together = smooth[~on_disc, 0] @ smooth[~on_disc, 1].T
+    assert np.sqrt(np.diag(together).min()) >= noise.SKY and together.mean() == pytest.approx(noise.SKY**2, rel=0.1)
+    assert not (smooth[on_disc, 0] @ smooth[~on_disc, 0].T).any()
     red, both = np.sum(smooth[:, 0] ** 2, axis=1), np.sum(smooth[:, 0] * smooth[:, 1], axis=1)
     variance = np.sum(modes**2, axis=1)
-    np.testing.assert_allclose(both[on_disc], noise.COMMON**2 * variance)
-    np.testing.assert_allclose(red[on_disc], (noise.COMMON**2 + noise.CHROMATIC**2) * variance)
+    np.testing.assert_allclose(both, noise.COMMON**2 * variance)
+    np.testing.assert_allclose(red, (noise.COMMON**2 + noise.CHROMATIC**2) * variance)
     residual = np.random.default_rng(1).standard_normal(3 * on_disc.size)
     covariance = np.diag(errors.scale**2) + smooth.reshape(residual.size, -1) @ smooth.reshape(residual.size, -1).T
     expected = residual @ np.linalg.solve(covariance, residual)

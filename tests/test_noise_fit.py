@@ -13,8 +13,7 @@ from tests.test_noise import disc, grey_sources
 @pytest.fixture(scope="module")
 def before():
     position, offset = disc(30)
-    on_disc = np.full(len(position), True)
-    sources = grey_sources(0.05, noise.smooth_modes(position, offset), on_disc)
+    sources = grey_sources(0.05, noise.smooth_modes(position, offset))
     errors = sources.errors(np.broadcast_to(np.eye(3), (len(position), 3, 3)))
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     return errors, np.argsort(apart, axis=1)[:, :9]

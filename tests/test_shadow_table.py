@@ -49,7 +49,7 @@ def test_table_holds_the_shadow_at_its_entries():
 
 SLOW = pytest.mark.slow
 CENTRES = [
-    (SAMPLINGS, 0.0),
+    pytest.param(SAMPLINGS, 0.0, marks=SLOW),
     pytest.param(SAMPLINGS, 5e-3, marks=SLOW),
     (SAMPLINGS, 9e-3),
     pytest.param(SAMPLINGS, 14e-3, marks=SLOW),

@@ -20,7 +20,7 @@ help:
 	@echo "make clean        remove all that make has made, .venv included"
 
 demo: $(READY)
-	$(BIN)/fit_atmosphere --demo --draws 3200 --out demo
+	$(BIN)/fit_atmosphere --demo --out demo
 
 test: $(READY)
 	$(BIN)/pytest --numprocesses 2 --dist loadfile

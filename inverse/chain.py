@@ -1,6 +1,6 @@
 """The samples drawn so far, and a file that survives whatever happens to the program.
 
-The whole file is written anew and put in the place of the old one in one step (`inverse.whole_file`). (emcee's own
+The whole file is written anew and put in the place of the old one in one step (`eclipsejax.whole_file`). (emcee's own
 HDF5 backend changes its file in place: killed half-way, HDF5 may not open it again.) A file holds all that the next
 step depends on, so that a chain that was interrupted goes on bit for bit as if it had not been.
 """
@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from eclipsejax.errors import InputError
-from inverse.whole_file import reason, whole_file
+from eclipsejax.whole_file import reason, whole_file
 
 FORMAT = 1
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from eclipsejax.whole_file import whole_file
 from inverse.corner_plot import METHODS
 from inverse.html_page import folded, heading, listed, page, paragraph, picture, table
 from inverse.information import NOT_INFORMED, in_words, independent_in_words
 from inverse.misfit_check import all_unexplained
 from inverse.result import Estimate, Fit
-from inverse.whole_file import whole_file
 
 PINATUBO = (0.10, 0.15)  # optical depth of the stratosphere in the two years after June 1991
 CAPTIONS = {

@@ -8,8 +8,8 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+from eclipsejax.whole_file import whole_file
 from inverse.result import PhotoFit
-from inverse.whole_file import whole_file
 
 CHANNELS = {"red": "#d62728", "green": "#2a8c2a", "blue": "#1f5fd0"}  # colours of lines
 LINE = 0.16  # inch, of a warning

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from eclipsejax.errors import InputError
+from eclipsejax.whole_file import reason, whole_file
 from inverse.diagnostics import arviz
-from inverse.whole_file import reason, whole_file
 
 NEAR_ZERO = 1.5  # times the lower end of the prior's 95 %
 

@@ -5,7 +5,7 @@ import errno
 import h5py
 import pytest
 
-from inverse.whole_file import reason, whole_file
+from eclipsejax.whole_file import reason, whole_file
 
 
 def test_a_file_is_there_once_it_is_whole(tmp_path):

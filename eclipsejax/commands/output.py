@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eclipsejax.errors import InputError
+from eclipsejax.whole_file import whole_file as whole
 
 
 def check_writable(path: Path, suffixes: Sequence[str], what: str) -> None:
@@ -27,12 +28,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Whoever moves the temporary file elsewhere leaves `path` as it was.
     """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield temporary
-        if temporary.exists():
-            temporary.replace(path)
+        with whole(path, f".{os.getpid()}", path.suffix, optional=True) as temporary:
+            yield temporary
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error}): choose another place.") from None
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -11,10 +11,10 @@ from urllib.parse import urlsplit
 from urllib.request import BaseHandler, HTTPRedirectHandler, Request, build_opener
 
 from eclipsejax.errors import InputError, printable
+from eclipsejax.whole_file import whole_file
 from inverse.archive.catalogue import Listed, check_address
 from inverse.archive.rows import unwritable
 from inverse.filetype import SUFFIXES
-from inverse.whole_file import whole_file
 
 MOST_BYTES = 300e6
 MOST_SECONDS = 900.0  # altogether; one answer may take SILENCE

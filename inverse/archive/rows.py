@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from eclipsejax.errors import InputError, printable
+from eclipsejax.whole_file import reason, whole_file
 from inverse.chain import digest
-from inverse.whole_file import reason, whole_file
 
 FORMAT = 1
 QUANTITIES = {"dust.extinction": "dust_extinction", "stratospheric_optical_depth": "stratospheric_optical_depth"}

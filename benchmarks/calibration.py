@@ -4,9 +4,9 @@
     python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
 
-Each photograph is a row of a file that is kept, and the same command does what is left, so that it may be stopped at
-any moment; rows of another version of the program do not count. Prints and keeps coverage and ranks, and fails (status
-1) where they leave the bands of a right posterior.
+The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
+it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
+ranks, and fails (status 1) where they leave the bands of a right posterior.
 """
 
 import argparse
@@ -15,12 +15,12 @@ import multiprocessing
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.coverage import LEVELS, coverage, least_tail, smallest_tail
+from benchmarks.measure import RESULTS
 from eclipsejax import session
 
 SEED = 20221108
@@ -28,7 +28,6 @@ QUANTITIES = (
     "dust.extinction", "air.surface_temperature", "clouds.top", "clouds.cover", "ozone.column_du",
 )  # fmt: skip
 OUT = Path("out/calibration")
-RESULTS = Path(__file__).parent / "results"
 
 
 def fitted(number: int, draws: int | None, folder: Path) -> dict:
@@ -64,27 +63,23 @@ def fitted(number: int, draws: int | None, folder: Path) -> dict:
 
 def run(count: int, draws: int | None, workers: int, folder: Path) -> list[dict]:
     """Rows of the first `count` photographs, kept ones and new."""
-    from inverse.archive.rows import program
+    from inverse.archive.rows import program, read_row, write_row
+    from inverse.chain import digest
 
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{'default' if draws is None else draws}-{program()}.jsonl"
-    rows = {}
-    if file.exists():
-        for line in file.read_text().splitlines():
-            rows[json.loads(line)["number"]] = json.loads(line)
+    (folder / "rows").mkdir(parents=True, exist_ok=True)
+    keys = [digest([program(), SEED, draws, number]) for number in range(count)]
+    rows = {number: row for number, key in enumerate(keys) if (row := read_row(folder, key)) is not None}
     left = [number for number in range(count) if number not in rows]
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, file.open("a") as kept:
-        tasks = {pool.submit(partial(fitted, draws=draws, folder=folder), number): number for number in left}
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        tasks = {pool.submit(fitted, number, draws, folder): number for number in left}
         for task in as_completed(tasks):
             number = tasks[task]
             try:
                 row = task.result()
             except Exception as error:  # a photograph that cannot be fitted is a result, too
                 row = {"number": number, "error": f"{type(error).__name__}: {error}"[:300]}
-            rows[number] = row
-            kept.write(json.dumps(row) + "\n")
-            kept.flush()
+            rows[number] = {**row, "key": keys[number]}
+            write_row(folder, rows[number])
             print(f"{len(rows)} of {count}: photograph {number} {_short(row)}", flush=True)
     return [rows[number] for number in range(count)]
 

@@ -54,8 +54,12 @@ class TableGrid(eqx.Module):
 
         - `entry`: numbers of entries, not necessarily whole; all by default.
         """
+        return jnp.abs(self.from_axis(distance, entry))
+
+    def from_axis(self, distance, entry=None) -> Float[Array, " offset"]:
+        """The same as `offsets_at`, ascending: negative for entries beyond the axis [rad]."""
         from_edge = from_edge_at(self.start + self.step * (jnp.arange(self.count) if entry is None else entry))
-        return jnp.abs(from_edge + umbra_edge(distance, self.sun_distance, self.sun_radius))
+        return from_edge + umbra_edge(distance, self.sun_distance, self.sun_radius)
 
     def places(self, offset: Float[Array, "..."], distance: Float[Array, "..."], angle=None) -> "Places":
         """Where angles from the axis [rad] and distances from the Earth's centre [m] are in a table.

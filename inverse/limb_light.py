@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from eclipsejax.ephemeris import Geometry
 from eclipsejax.moon import Moon
 from eclipsejax.render import disc_offsets
-from eclipsejax.shadow_table import ShadowTable, Tabulator, from_edge_at, tabulator
+from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
 from eclipsejax.wavelengths import channel_weights
@@ -115,7 +115,6 @@ def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
         tolerance=TOLERANCE, count=count, deep=False,
     )  # fmt: skip
     _, known, light = scattered_light()
-    at_bins = np.array([np.interp(np.asarray(wavelength), known, np.log(level)) for level in light])
-    grid = prepared.grid
-    from_axis = from_edge_at(grid.start + grid.step * jnp.arange(grid.count)) + edge  # negative beyond the axis
-    return Shadow(prepared, jnp.log(jnp.exp(at_bins) @ weights), jnp.asarray(washing(np.asarray(from_axis))))
+    at_these = np.array([np.interp(np.asarray(wavelength), known, np.log(level)) for level in light])
+    smooth = washing(np.asarray(prepared.grid.from_axis(moon_distance)))
+    return Shadow(prepared, jnp.log(jnp.exp(at_these) @ weights), jnp.asarray(smooth))

@@ -7,9 +7,6 @@ import pytest
 
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import geometry
-from eclipsejax.shadow_table import from_edge_at
-from eclipsejax.sun import Sun
-from eclipsejax.sunlight import umbra_edge
 from inverse import prior
 from inverse.limb_light import shadow_of
 from inverse.uneven_limb import washing
@@ -34,9 +31,7 @@ def light():
     where = geometry("2022-05-16T04:06:00Z")
     shadow = shadow_of([where])
     grid = shadow.tabulator.grid
-    distance = jnp.linalg.norm(where.moon) - 0.6 * MOON_RADIUS
-    edge = umbra_edge(distance, jnp.linalg.norm(where.sun), Sun().radius)
-    offset = np.asarray(from_edge_at(grid.start + grid.step * jnp.arange(grid.count)) + edge)
+    offset = np.asarray(grid.from_axis(jnp.linalg.norm(where.moon) - 0.6 * MOON_RADIUS))
     compiled = eqx.filter_jit(lambda tabulator, z: tabulator(prior.atmosphere(z)).log_light[:, 0])
 
     def at(temperature):

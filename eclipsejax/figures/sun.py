@@ -8,7 +8,7 @@ from eclipsejax.figures.colour import sunlight_colour, sunlight_wavelengths
 from eclipsejax.figures.page import BLUE, COLOURS, GOLD, GREEN, INK, RED, Plate, photograph, styled
 from eclipsejax.response import encode_srgb, into_gamut
 from eclipsejax.sun import BLACKBODY_TEMPERATURE, Sun, limb_darkening
-from eclipsejax.wavelengths import ENDS, middles
+from eclipsejax.wavelengths import ENDS, MANY, middles
 
 SPECTRA = {
     "gueymard": ("Gueymard 2004 (default)", INK),
@@ -16,7 +16,6 @@ SPECTRA = {
     "blackbody": (f"blackbody, {BLACKBODY_TEMPERATURE:.0f} K, as the paper has it", GOLD),
 }
 LINES = {400.0: "#b39bff", **COLOURS, 780.0: "#b5493f"}
-REFERENCE = 200  # wavelengths, of the paper and of the reference
 
 
 @eqx.filter_jit
@@ -28,7 +27,7 @@ def binned(name: str) -> np.ndarray:
     """Spectral irradiance at 1 au in the reference's bins of 2 nm [W m^-2 nm^-1]."""
     fine = np.arange(ENDS[0] + 0.25, ENDS[1], 0.5)
     light = np.asarray(_spectrum(Sun(spectrum=name), jnp.asarray(fine)))
-    return light.reshape(REFERENCE, -1).mean(axis=1)
+    return light.reshape(MANY, -1).mean(axis=1)
 
 
 def disc(size: int) -> np.ndarray:
@@ -52,11 +51,11 @@ def sun_plate(size: int = 320) -> Plate:
     """
     plate = Plate("The Sun", 11.0, 6.9)
     spectra = plate.add_axes((0.06, 0.57, 0.92, 0.37))
-    wavelength = middles(REFERENCE)
+    wavelength = middles(MANY)
     light = {name: binned(name) for name in SPECTRA}
     for name, (label, colour) in SPECTRA.items():
         spectra.plot(wavelength, light[name], color=colour, label=label, linewidth=1.2)
-    spectra.set(title=f"sunlight at 1 au, in {REFERENCE} bins of 2 nm", xlabel="wavelength  [nm]", xlim=ENDS)
+    spectra.set(title=f"sunlight at 1 au, in {MANY} bins of 2 nm", xlabel="wavelength  [nm]", xlim=ENDS)
     spectra.set(ylabel="[W m$^{-2}$ nm$^{-1}$]", ylim=(0.9, 2.35))
     spectra.legend(loc="upper right")
     curves = plate.add_axes((0.06, 0.09, 0.36, 0.36))

@@ -19,8 +19,10 @@ class Cells:
     """Mean linear light of square cells.
 
     - `right`, `up`: of the cell's centre from the disc's, in radii, along the picture's sides (cell,).
-    - `value`: mean light [full scale] (cell, 3); `sigma`: its standard deviation from pixel noise.
-    - `usable`: (cell, 3).
+    - `value`: mean light [full scale] (cell, 3), or a limit to it; `sigma`: its standard deviation from pixel noise.
+    - `usable`: where `value` is a mean (cell, 3).
+    - `limit`: 1 where it is a lower limit, since pixels are overexposed; -1 an upper one, since they are black; else 0
+      (cell, 3).
     - `on_disc`: (cell,).
     """
 
@@ -29,6 +31,7 @@ class Cells:
     value: np.ndarray
     sigma: np.ndarray
     usable: np.ndarray
+    limit: np.ndarray
     on_disc: np.ndarray
 
 
@@ -54,7 +57,7 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     def total(image):
         return np.stack([np.bincount(index, image[..., c].ravel(), side * side) for c in range(3)], axis=1)
 
-    usable = photo.usable[window]
+    usable, saturated, black = photo.usable[window], photo.saturated[window], photo.black[window]
     pixels = np.where(usable, photo.pixels[window], 0.0).astype(float)
     everything = np.bincount(index, minlength=side * side)[:, None]
     count = total(usable)
@@ -72,13 +75,27 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     corner = distance + np.sqrt(0.5) / per_radius
     on_disc = corner < DISC_MARGIN
     good = (count >= LEAST_USABLE * everything) & (everything > 0)
+    # What is overexposed is at least as bright as the least of it, what is black at most as bright as the most of it.
+    over, under = total(saturated & ~usable), total(black & ~usable)
+    known = ~good & (count + over + under >= LEAST_USABLE * everything)
+    limit = np.where(known, np.sign(over) * (under == 0) - np.sign(under) * (over == 0), 0.0)
+    ends = [_end(photo.pixels[window], saturated, np.min), _end(photo.pixels[window], black, np.max)]
+    bound = (total(pixels) + over * ends[0] + under * ends[1]) / np.maximum(count + over + under, 1)
+    mean = np.where(limit == 0, mean, bound)
     ring = np.flatnonzero((distance > SKY_INNER) & (distance < SKY_OUTER))
     seen = ring[everything[ring, 0] > 0]
     sky = np.resize(seen if seen.size else ring, SKY_CELLS) if seen.size < SKY_CELLS else _spread(seen, SKY_CELLS)
     chosen = np.concatenate([np.flatnonzero(on_disc), sky])
-    usable = good[chosen]
-    usable[on_disc.sum() + seen.size :] = False  # repeated only to fill the array
-    return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], usable, on_disc[chosen])
+    usable, limit = good[chosen], limit[chosen]
+    repeated = slice(on_disc.sum() + seen.size, None)  # only to fill the array
+    usable[repeated], limit[repeated] = False, 0.0
+    return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], usable, limit, on_disc[chosen])
+
+
+def _end(pixels: np.ndarray, chosen: np.ndarray, extreme) -> np.ndarray:
+    """Extreme value of the chosen pixels of each channel (3,); 0 where there are none."""
+    each = ((pixels[..., c][chosen[..., c]]) for c in range(3))
+    return np.array([extreme(values) if values.size else 0.0 for values in each])
 
 
 def _spread(indices: np.ndarray, count: int) -> np.ndarray:

@@ -20,6 +20,7 @@ from inverse.cells import Cells, bin_photo
 from inverse.exposures import Exposed, log_exposures
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
+from inverse.observed import observed
 from inverse.photo import Photo, read_photo
 from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
@@ -176,12 +177,12 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, mask, sources = [], [], [], []
+    models, data, sources = [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
-            on_disc = np.ones(len(value), dtype=bool)
+            limit, on_disc = np.zeros(value.shape), np.ones(len(value), dtype=bool)
             floor = floor_of(value, sigma, usable, on_disc)
             model = profile_model(item.photo, item.where, floor)
             offset = item.photo.offset
@@ -189,7 +190,7 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         else:
             assert item.cells is not None and item.registration is not None
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
-            on_disc = item.cells.on_disc
+            limit, on_disc = item.cells.limit, item.cells.on_disc
             floor = floor_of(value, sigma, usable, on_disc)
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
@@ -198,12 +199,12 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
         relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)
-        data.append(jnp.asarray(np.log(scale).ravel()))
-        mask.append(jnp.asarray(usable.astype(float).ravel()))
-        sources.append(noise.Sources(sigma / scale, relative, noise.modes_of(position, offset, on_disc), usable))
+        data.append(observed(np.log(scale), usable, limit, on_disc))
+        pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
+        sources.append(noise.Sources(pixels, relative, noise.modes_of(position, offset, on_disc), usable))
     shadow = shadow_of([item.where for item in evidence])
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(mask), tuple(sources), places(shared, models))
+    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(sources), places(shared, models))
     groups: dict[object, list[int]] = {}
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)

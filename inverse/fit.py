@@ -109,9 +109,9 @@ def optimise(evidence, likelihood: Likelihood, progress: Callable[[Progress], No
     for number in range(ERROR_ROUNDS):
         likelihood = likelihood.carried(optimum.z)
         likelihood = replace(likelihood, errors=tuple(
-            fitted_errors(errors, misfit, slopes, np.asarray(usable), neighbours)
-            for errors, (misfit, slopes), usable, neighbours in zip(
-                likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.usable, around, strict=True
+            fitted_errors(errors, misfit, slopes, np.asarray(observed.measured), neighbours)
+            for errors, (misfit, slopes), observed, neighbours in zip(
+                likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.observed, around, strict=True
             )
         ))  # fmt: skip
         later = maximum(likelihood, [optimum.z])

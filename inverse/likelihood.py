@@ -19,6 +19,7 @@ from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors, Sources
+from inverse.observed import Observed
 from inverse.photo_model import log_value, signal
 
 LIMB = len(prior.ATMOSPHERE)
@@ -30,15 +31,14 @@ class Likelihood:
     """Cells of one or more photographs of one eclipse, under one limb.
 
     - `models`: a `PhotoModel` or `ProfileModel` each.
-    - `data`: log values above the floor (cell x 3,) each; `usable`: 1 where they count, 0 where not.
+    - `observed`: log values above the floor (cell x 3,) each.
     - `sources`: of the errors of those log values; `errors`: what they come to at `carried_at`, a vector z.
     - `places`: of each photograph's nuisances in z, (nuisance,) each.
     """
 
     shadow: Shadow
     models: tuple
-    data: tuple
-    usable: tuple
+    observed: tuple[Observed, ...]
     sources: tuple[Sources, ...]
     places: tuple[np.ndarray, ...]
     errors: tuple[Errors, ...] = ()
@@ -71,21 +71,20 @@ class Likelihood:
         """Data minus model of each photograph, in log value."""
         table = shadow_light(self.shadow, jnp.asarray(z[:LIMB]))
         return [
-            np.asarray(misfit(model, data, usable, table, jnp.asarray(z[place])))
-            for model, data, usable, place in self._each()
+            np.asarray(misfit(model, observed, table, jnp.asarray(z[place]))) for model, observed, place in self._each()
         ]
 
     def misfits_and_slopes(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """The same with their derivatives by `columns` (datum, parameter)."""
         light, slopes = shadow_slopes(self.shadow, jnp.asarray(z[:LIMB]))
         found = [
-            misfit_and_slopes(model, data, usable, self.shadow, light, slopes, jnp.asarray(z[place]))
-            for model, data, usable, place in self._each()
+            misfit_and_slopes(model, observed, self.shadow, light, slopes, jnp.asarray(z[place]))
+            for model, observed, place in self._each()
         ]
         return [(np.asarray(value), np.asarray(by)) for value, by in found]
 
     def _each(self):
-        return zip(self.models, self.data, self.usable, self.places, strict=True)
+        return zip(self.models, self.observed, self.places, strict=True)
 
     def centred(self, groups: Sequence[Sequence[int]]) -> "Likelihood":
         """The same with gains centred: medians of model and data agree at the prior's centre.
@@ -114,14 +113,15 @@ class Likelihood:
 
     def _missing(self, model, number: int, table: ShadowTable) -> np.ndarray:
         predicted = log_value(model, signal(model, table, jnp.zeros(len(model.parameters))))
-        return np.asarray(self.data[number] - predicted.ravel())[np.asarray(self.usable[number]) > 0]
+        observed = self.observed[number]
+        return np.asarray(observed.value - predicted.ravel())[np.asarray(observed.measured) > 0]
 
 
 @eqx.filter_jit
-def misfit(model, data, usable, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
-    """Data minus model of one photograph, 0 where unusable."""
+def misfit(model, observed: Observed, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
+    """Data minus model of one photograph, as `Observed.misfit`."""
     predicted = log_value(model, model.signal(table, model.seen(nuisance), nuisance))
-    return usable * (data - predicted.ravel())
+    return observed.misfit(predicted.ravel())
 
 
 @eqx.filter_jit
@@ -139,14 +139,14 @@ def response(model, shadow: Shadow, light, nuisance) -> Float[Array, "cell value
 
 
 @eqx.filter_jit
-def misfit_and_slopes(model, data, usable, shadow: Shadow, light, slopes, nuisance):
+def misfit_and_slopes(model, observed: Observed, shadow: Shadow, light, slopes, nuisance):
     """`misfit` (datum,) and its derivatives by the limb and the nuisances (datum, parameter).
 
     - `light`, `slopes`: of the shadow's table, as `limb_light.shadow_slopes` gives them.
     """
 
     def value(light, nuisance):
-        return misfit(model, data, usable, shadow.table(light), nuisance)
+        return misfit(model, observed, shadow.table(light), nuisance)
 
     missed, along = jax.linearize(value, light, nuisance)
     by_limb = jax.vmap(lambda slope: along(slope, jnp.zeros_like(nuisance)), out_axes=1)(slopes)

@@ -38,7 +38,7 @@ def misfit_checks(likelihood: Likelihood, optimum: Optimum) -> list[dict[str, An
         misfit, slopes = white(misfit), white(slopes)
         patterns = white.basis[:, white.shrink < RULED]
         block = covariance[np.ix_(columns, columns)]
-        every = _check(misfit, slopes, block, float(np.sum(np.asarray(likelihood.usable[number]) > 0)))
+        every = _check(misfit, slopes, block, float(np.sum(np.asarray(likelihood.observed[number].measured) > 0)))
         smooth = _check(patterns.T @ misfit, patterns.T @ slopes, block, float(patterns.shape[1]))
         found.append({"all": every, "smooth": smooth, "p": min(1.0, 2.0 * min(every["p"], smooth["p"]))})
     return found

@@ -141,7 +141,7 @@ def modes_of(position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray) -> n
 class Sources:
     """Where the errors of (cell, channel) log values come from.
 
-    - `noise`: of the pixels, in log value (cell, 3).
+    - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
     - `light`: relative error of each cell's light in each channel (cell,).
     - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
     - `usable`: (cell, 3).
@@ -161,11 +161,10 @@ class Sources:
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         """
         response = np.where(self.usable[..., None], response, 0.0)
-        noise = np.where(self.usable, self.noise, 1.0)
         rank = self.smooth.shape[1]
         blocks = [
             (by[..., None] * self.smooth[:, None]).reshape(-1, rank)
             for by in (response.sum(axis=2), *np.moveaxis(response, 2, 0))
         ]
-        sigma = np.sqrt(noise**2 + np.square(self.light[:, None]) * np.square(response).sum(axis=2))
+        sigma = np.sqrt(self.noise**2 + np.square(self.light[:, None]) * np.square(response).sum(axis=2))
         return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)

@@ -36,7 +36,7 @@ class Photo:
     - `variance`: float32, of `pixels`, [full scale^2]: rounding, JPEG, photon and read noise (see
       `read_photo`).
     - `usable`: finite in the file (what is not is 0 here), not saturated, not in the black clip.
-    - `saturated`: at the top of the scale, channel by channel.
+    - `saturated`: at the top of the scale, channel by channel; `black`: at the bottom of a scale of codes.
     - `tone_curve`: "srgb" for a picture encoded for the eye, whose true curve is the camera's secret;
       "linear".
     - `time`: UTC, ISO with Z, only where the file itself is certain of it; `local_time`: the camera clock,
@@ -53,6 +53,7 @@ class Photo:
     variance: np.ndarray
     usable: np.ndarray
     saturated: np.ndarray
+    black: np.ndarray
     tone_curve: str
     time: str | None
     local_time: str | None
@@ -93,9 +94,11 @@ def read_photo(path: str | PathLike[str], *, linear: bool | None = None) -> Phot
     if not (pixels > 0).any(where=~clipped):
         raise InputError(f"{path} is a black image: no pixel is brighter than black, so it shows no Moon.")
     usable = ~(saturated | clipped)
+    # Floats that are 0 hold nothing: what is outside a mosaic of pictures, or was not a number.
+    black = clipped & (decoded.values.dtype.kind == "u" or decoded.clipped is not None)
     known = decoded.facts
     return Photo(
-        *(_upright(array, known.orientation) for array in (pixels, variance, usable, saturated)),
+        *(_upright(array, known.orientation) for array in (pixels, variance, usable, saturated, black)),
         tone_curve="linear" if curve is tone.linear else "srgb",
         **{name: getattr(known, name) for name in Facts.__dataclass_fields__ if name != "orientation"},
         path=str(path),

@@ -21,6 +21,7 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.noise import whitener
+from inverse.observed import Observed
 from inverse.photo_model import PhotoModel, ProfileModel, log_value, seen
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
@@ -91,15 +92,14 @@ class Still(eqx.Module):
 
     model: PhotoModel | ProfileModel
     seen: Any
-    data: Float[Array, " datum"]
-    usable: Float[Array, " datum"]
+    observed: Observed
     nuisance: Float[Array, " nuisance"]
 
     @classmethod
     def of(cls, likelihood: Likelihood, number: int, nuisance: np.ndarray) -> "Still":
         """A photograph of a likelihood, at these nuisances."""
         model, z = likelihood.models[number], jnp.asarray(nuisance)
-        return cls(model, seen(model, z), likelihood.data[number], likelihood.usable[number], z)
+        return cls(model, seen(model, z), likelihood.observed[number], z)
 
     @eqx.filter_jit
     def __call__(self, shadow: Shadow, entries: Float[Array, "draw offset 2 channel"]) -> Float[Array, "draw datum"]:
@@ -107,7 +107,7 @@ class Still(eqx.Module):
 
         def misfit(log_light):
             signal = self.model.signal(shadow.table(log_light), self.seen, self.nuisance)
-            return self.usable * (self.data - log_value(self.model, signal).ravel())
+            return self.observed.misfit(log_value(self.model, signal).ravel())
 
         return jax.lax.map(misfit, entries, batch_size=TOGETHER)
 

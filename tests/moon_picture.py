@@ -76,6 +76,7 @@ def photo_of(light):
         variance=np.full_like(light, 1e-6),
         usable=(light > 4e-4) & (light < 0.97),
         saturated=light >= 0.97,
+        black=light <= 4e-4,
         tone_curve="srgb",
         time=None,
         local_time=None,

@@ -147,7 +147,7 @@ def test_the_same_photograph_twice_is_twice_the_evidence(synthetic_likelihood):
     one = synthetic_likelihood
     everything = {parameter.name: 0 for parameter in one.models[0].parameters}
     models = one.models * 2
-    two = replace(one, models=models, data=one.data * 2, usable=one.usable * 2, errors=one.errors * 2,
+    two = replace(one, models=models, observed=one.observed * 2, errors=one.errors * 2,
                   places=places([everything, everything], models))  # fmt: skip
     z = 0.1 * np.random.default_rng(8).standard_normal(len(one.parameters))
     single, double = quadratic(one, z), quadratic(two, z)

@@ -65,7 +65,7 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     np.testing.assert_allclose((scaled @ scaled.T)[np.ix_(used, used)], wanted[np.ix_(used, used)], atol=1e-12)
     sigma = np.sqrt(0.02**2 + 0.05**2 * np.sum(matrix**2, axis=1))
     np.testing.assert_allclose(errors.scale.reshape(cells, 3)[usable], np.broadcast_to(sigma, (cells, 3))[usable])
-    assert not scaled[~used].any() and np.all(errors.scale[~used] == 1.0)
+    assert not scaled[~used].any() and np.all(errors.scale[~used] == 0.02)
 
 
 def test_errors_have_the_stated_size_on_the_disc_and_beside_it():

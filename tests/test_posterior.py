@@ -35,7 +35,7 @@ def test_batches_of_any_length_give_what_single_points_give(posterior):
 
 def test_a_number_that_is_lost_anywhere_is_lost_in_every_datum(likelihood):
     """Were it taken for darkness on its way, the posterior would be finite, and wrong."""
-    usable = np.asarray(likelihood.usable[0]) > 0
+    usable = np.asarray(likelihood.observed[0].measured) > 0
     for index in range(len(likelihood.parameters)):
         z = np.zeros(len(likelihood.parameters))
         z[index] = np.nan

@@ -1,0 +1,47 @@
+"""Limits cost nothing while they are kept, as measurements where they are broken, and less than one for each cell."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from inverse.observed import ERROR_ON_DISC, SHARE, observed
+
+
+def cells(limit, value=0.0, usable=False):
+    one = np.full((1, 3), value)
+    return observed(one, np.full((1, 3), usable), np.full((1, 3), float(limit)), np.array([True]))
+
+
+@pytest.mark.parametrize("limit", [1, -1])
+def test_the_cost_is_that_of_censored_data(limit):
+    """Tobin 1958: twice minus the logarithm of the chance to be beyond the limit."""
+    data = cells(limit, value=-0.7)
+    for errors in (-5.0, -1.0, 0.0, 0.5, 3.0):  # above the limit
+        predicted = -0.7 + errors * ERROR_ON_DISC
+        cost = np.square(np.asarray(data.misfit(jnp.full(3, predicted))) / data.sigma) / SHARE
+        np.testing.assert_allclose(cost, -2.0 * norm.logcdf(limit * errors), rtol=1e-6)
+
+
+def test_a_limit_far_away_says_nothing_and_one_far_broken_is_a_measurement():
+    data = cells(1)
+    misfit = lambda predicted: data.misfit(jnp.full(3, predicted))[0]
+    for kept in (2.0, 5.0, 1e3):
+        assert abs(float(misfit(kept))) < 1e-8 and float(jax.grad(misfit)(kept)) == pytest.approx(0.0, abs=1e-8)
+    assert float(misfit(-8.0)) == pytest.approx(8.0, rel=2e-3)
+    assert float(jax.grad(misfit)(-8.0)) == pytest.approx(-1.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("limit", [1, -1])
+def test_slopes_agree_with_differences(limit):
+    data = cells(limit, value=0.2)
+    misfit = lambda predicted: data.misfit(jnp.full(3, predicted))[1]
+    for predicted in (-0.5, 0.1, 0.2, 0.35, 0.8):
+        difference = (misfit(predicted + 1e-5) - misfit(predicted - 1e-5)) / 2e-5
+        assert float(jax.grad(misfit)(predicted)) == pytest.approx(float(difference), rel=1e-5, abs=1e-7)
+
+
+def test_measurements_are_data_minus_model_and_the_rest_nothing():
+    assert np.asarray(cells(0, 0.3, usable=True).misfit(jnp.full(3, 0.1))) == pytest.approx(0.2)
+    assert not np.asarray(cells(0, 0.3).misfit(jnp.full(3, 0.1))).any()

@@ -2,29 +2,25 @@
 
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from eclipsejax.errors import InputError
-from inverse import prior
 from inverse.answer import Answer, answer, beginning, begun, identity
 from inverse.chain import Record, read_record
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.information import information, under_independent_errors
 from inverse.likelihood import LIMB, Likelihood
-from inverse.map_estimate import Optimum, maximum
+from inverse.map_estimate import Optimum
 from inverse.misfit_check import misfit_checks
-from inverse.noise_fit import fitted_errors
+from inverse.optimum import STAGES, best
 from inverse.result import Fit
 from inverse.summary import estimates, photo_fit, provenance, warnings_of
 
-STARTS = ((0.0, 0.0), (-1.5, 0.5), (1.2, -0.5))  # z of the clouds' top and cover
-ERROR_ROUNDS = 3  # between the optimum and the size of the errors
-STAGES = len(STARTS) + ERROR_ROUNDS
 SHOWN = 24  # draws behind the bands of the plots
 
 
@@ -82,7 +78,8 @@ def fit_atmosphere(
     file = None if chain is None else Path(chain)
     record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
     if record is None:
-        optimum, likelihood = optimise(evidence, likelihood, progress)
+        around = [item.neighbours() for item in evidence]
+        optimum, likelihood = best(likelihood, around, lambda done: progress(Progress("fitting", done, STAGES)))
     else:
         optimum, likelihood, first_draws = begun(record.beginning, likelihood)
         draws = first_draws if draws is None else draws
@@ -95,29 +92,6 @@ def fit_atmosphere(
         progress=lambda stage, done, of: progress(Progress(stage, done, of)),
     )  # fmt: skip
     return conclude(evidence, likelihood, optimum, found, seed, clock.perf_counter() - started)
-
-
-def optimise(evidence, likelihood: Likelihood, progress: Callable[[Progress], None]) -> tuple[Optimum, Likelihood]:
-    """The optimum, with the errors as large as the photographs say that they are (`inverse.noise_fit`)."""
-    count = len(likelihood.parameters)
-    starts = np.zeros((len(STARTS), count))
-    names = [parameter.name for parameter in prior.ATMOSPHERE]
-    for start, (top, cover) in zip(starts, STARTS, strict=True):
-        start[names.index("clouds.top")], start[names.index("clouds.cover")] = top, cover
-    around = [item.neighbours() for item in evidence]
-    first = optimum = maximum(likelihood, list(starts), lambda n: progress(Progress("fitting", n, STAGES)))
-    for number in range(ERROR_ROUNDS):
-        likelihood = likelihood.carried(optimum.z)
-        likelihood = replace(likelihood, errors=tuple(
-            fitted_errors(errors, misfit, slopes, np.asarray(observed.measured), neighbours)
-            for errors, (misfit, slopes), observed, neighbours in zip(
-                likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.observed, around, strict=True
-            )
-        ))  # fmt: skip
-        later = maximum(likelihood, [optimum.z])
-        optimum = replace(later, not_finite=optimum.not_finite + later.not_finite)
-        progress(Progress("fitting", len(STARTS) + number + 1, STAGES))
-    return replace(optimum, costs=first.costs), likelihood
 
 
 def conclude(

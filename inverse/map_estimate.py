@@ -5,8 +5,7 @@ optimiser that traces its function would compile all photographs together, half 
 other number of them; SciPy's is called with numbers.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,21 +14,20 @@ from scipy.optimize import least_squares
 from inverse.likelihood import Likelihood
 
 MOST_STEPS = 150
-# Relative change of the cost at which a descent ends: where starts are compared, and where the best one goes on.
-ROUGH, COST_CHANGE = 1e-3, 5e-6
+COST_CHANGE = 5e-6  # relative change of the cost at which a descent ends
 STEP = 1e-4  # smallest change of z, relative to its length
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """The end of one or the best of several descents.
+    """The end of one descent, or the best of those from several starts.
 
     - `z`: (parameter,).
     - `cost`: minus twice the log posterior, up to a constant.
     - `converged`: whether the solver says so.
     - `steps`: taken.
     - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
-    - `costs`: of all starts.
+    - `costs`: minus twice the log posterior at the ends of all starts, the size of the errors counted.
     - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
     """
 
@@ -70,52 +68,46 @@ def quadratic(likelihood: Likelihood, z: np.ndarray) -> Quadratic:
     return Quadratic(cost, gradient, information)
 
 
-def maximum(
-    likelihood: Likelihood, starts: Sequence[np.ndarray], report: Callable[[int], None] = lambda done: None
+def descend(
+    likelihood: Likelihood, start: np.ndarray, change: float = COST_CHANGE, free: np.ndarray | None = None
 ) -> Optimum:
-    """Descend from each start, a little way where there are several, and on from the best.
+    """Descend from a start; to an infinite cost where it is not a finite number there.
 
-    - `starts`: vectors z (parameter,).
-    - `report`: called with the number of starts done.
+    - `start`: z (parameter,).
+    - `change`: of the cost, relative to it, at which this ends.
+    - `free`: numbers of the parameters that move; all by default.
     """
-    best, costs, lost = None, [], 0
-    for number, start in enumerate(starts, 1):
-        found = _descend(likelihood, np.asarray(start, dtype=float), COST_CHANGE if len(starts) == 1 else ROUGH)
-        costs.append(found.cost)
-        lost += found.not_finite
-        if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
-            best = found
-        report(number)
-    if best is None:
-        raise FloatingPointError("no start gave a finite posterior")
-    if len(starts) > 1:
-        best = _descend(likelihood, best.z, COST_CHANGE)
-        lost += best.not_finite
-    return replace(best, costs=tuple(costs), not_finite=lost)
-
-
-def _descend(likelihood: Likelihood, start: np.ndarray, change: float) -> Optimum:
-    at = lru_cache(maxsize=2)(lambda z: quadratic(likelihood, np.frombuffer(z)))
+    free = np.arange(start.size) if free is None else free
     lost = 0
 
-    def jacobian(z):
-        return np.linalg.cholesky(at(z.tobytes()).information).T
+    def whole(x):
+        z = start.astype(float)
+        z[free] = x
+        return z
 
-    def residual(z):
+    @lru_cache(maxsize=2)
+    def at(x):
+        return quadratic(likelihood, whole(np.frombuffer(x)))
+
+    def jacobian(x):
+        return np.linalg.cholesky(at(x.tobytes()).information[np.ix_(free, free)]).T
+
+    def residual(x):
         nonlocal lost
         # Any root of the normal equations has their steps; the last row makes up the rest of the cost.
-        here = at(z.tobytes())
+        here = at(x.tobytes())
         if not (np.isfinite(here.cost) and np.isfinite(here.information).all()):
             lost += 1
-            return np.full(z.size + 1, np.inf)
-        row = np.linalg.solve(jacobian(z).T, here.gradient)
+            return np.full(x.size + 1, np.inf)
+        row = np.linalg.solve(jacobian(x).T, here.gradient[free])
         return np.append(row, np.sqrt(max(here.cost - row @ row, 0.0)))
 
-    if not np.isfinite(residual(start)).all():
+    first = start[free].astype(float)
+    if not np.isfinite(residual(first)).all():
         return Optimum(start, np.inf, False, 0, np.eye(start.size), (), lost)
     found = least_squares(
-        residual, start, lambda z: np.vstack([jacobian(z), np.zeros(z.size)]),  # pyright: ignore[reportArgumentType]
+        residual, first, lambda x: np.vstack([jacobian(x), np.zeros(x.size)]),  # pyright: ignore[reportArgumentType]
         ftol=change, xtol=STEP, gtol=1e-12, max_nfev=MOST_STEPS,
     )  # fmt: skip
     here = at(found.x.tobytes())
-    return Optimum(found.x, here.cost, found.status > 0, int(found.nfev), here.information, (), lost)
+    return Optimum(whole(found.x), here.cost, found.status > 0, int(found.nfev), here.information, (), lost)

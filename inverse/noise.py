@@ -59,6 +59,11 @@ class Errors:
         """Multiplies by the inverse root of the covariance."""
         return whitener(self.scale, self.modes * self.amplitudes)
 
+    @property
+    def log_determinant(self) -> float:
+        """Of the covariance."""
+        return 2.0 * float(np.log(self.scale).sum() - np.log1p(self.whitener.shrink).sum())
+
     def without_smooth(self) -> "Errors":
         """The same variance of every datum, all of it independent: what is usually assumed, and wrong."""
         variance = self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)

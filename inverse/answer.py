@@ -160,13 +160,16 @@ def check_same_density(density, chain: Chain) -> None:
             )
 
 
-def identity(evidence, parameters, disc: int | list[int | None] | None, seed: int) -> dict[str, Any]:
+def identity(
+    evidence, parameters, disc: int | list[int | None] | None, clock: float | str | None, seed: int
+) -> dict[str, Any]:
     """What a chain depends on, for `chain.Record`."""
     return {
         "photographs": [item.photo.sha256 for item in evidence],
         "time": [item.where.utc for item in evidence],
         "site": [item.site for item in evidence],
         "disc": disc,
+        "clock": clock,
         "seed": seed,
         "priors": [list(parameter[:5]) for parameter in parameters],
         "sampler": settings(),

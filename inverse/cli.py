@@ -14,6 +14,7 @@ DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"
 DEMO_DISC, DEMO_TIME, DEMO_SITE = 4, "2022-05-16T04:06:00Z", (-10.944, -37.056)
 DEMO_PROFILE = "2022-05-16-profile.csv"
 NOT_CONVERGED = 3
+UNKNOWN, CLOCKS = "unknown", (0.1, 86400.0)  # s: the day is believed
 
 
 class NotConverged(Exception):
@@ -57,8 +58,9 @@ def _command(arguments: Sequence[str] | None) -> None:
     try:
         with Bars() as bars:
             fit = fit_atmosphere(
-                photographs, time=time, site=site, disc=disc, draws=options.draws, seed=options.seed, chain=chain,
-                resume=options.resume, progress=lambda now: bars(now.stage, now.done, now.total),
+                photographs, time=time, site=site, disc=disc, clock=options.clock, draws=options.draws,
+                seed=options.seed, chain=chain, resume=options.resume,
+                progress=lambda now: bars(now.stage, now.done, now.total),
             )  # fmt: skip
     except KeyboardInterrupt:
         if chain.exists():
@@ -85,6 +87,8 @@ def _parser() -> session.Arguments:
         "or once for the first where the others' clocks are known relative to its")  # fmt: skip
     add("--site", type=session.site, metavar="LAT,LON[,HEIGHT]", help="of the camera [degrees, north and east; m]")
     add("--disc", type=int, metavar="N", help="which of several discs in the picture, in reading order from 1")
+    add("--clock", type=_clock, metavar="SECONDS", help="standard deviation of the error of the times, default 60; or "
+        "unknown: the time is searched over the eclipse by the shadow's place on the Moon")  # fmt: skip
     add("--out", default="out", metavar="DIR", help="folder of the report; default out")
     add(
         "--draws",
@@ -97,6 +101,11 @@ def _parser() -> session.Arguments:
     add("--resume", action="store_true", help="go on with the sampling that was interrupted, from chain.h5 in DIR")
     archive_command.add_to(parser)
     return parser
+
+
+def _clock(text: str) -> float | str:
+    """Type of the option: a number, or the word."""
+    return UNKNOWN if text.strip().lower() == UNKNOWN else session.number(*CLOCKS)(text)
 
 
 def _demo():

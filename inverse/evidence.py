@@ -1,8 +1,7 @@
 """Photographs, made ready for a fit: read, placed in time and space, registered, binned."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from datetime import datetime, timedelta
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
@@ -11,12 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial import KDTree
 
+from eclipsejax.calendar import read_clock
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
 from eclipsejax.traced import real
 from inverse import noise, prior
 from inverse.cells import Cells, bin_photo
+from inverse.clock_search import correction, later
 from inverse.exposures import Exposed, log_exposures
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
@@ -24,10 +25,14 @@ from inverse.observed import observed
 from inverse.photo import Photo, read_photo
 from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
-from inverse.registration import Registration, register
+from inverse.registration import Registration, oriented, register
+from inverse.times import UNKNOWN, check_error, dates_of, is_searched, of_one_clock, times_of
 
 FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
 LEAST_CELLS = 20  # of the disc; an overexposed crescent above a black umbra leaves some 40
+SLACK = 2.0  # width of the prior about the time that was found, in its errors
+REACH = 4.0  # widths of that prior which the shadow's table holds, and at least
+LEAST_REACH = 400.0  # s
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,8 @@ class Evidence:
 
     - `photo`: what was read; `where`: the geometry of its time; `registration`, `cells`: None for a profile.
     - `site`: latitude, longitude [degrees] and, where given, height [m] of the observer; None for the Earth's centre.
-    - `one_clock`: whether its time is that of its camera's clock, right or wrong, as for the others of that camera.
+    - `clock`: whose clock its time is by, right or wrong: its "own", the "camera"'s, or one for "all" photographs.
+    - `clock_width`: standard deviation of that clock's error [s].
     - `remarks`: sentences for the report.
     """
 
@@ -45,7 +51,8 @@ class Evidence:
     site: tuple | None
     registration: Registration | None
     cells: Cells | None
-    one_clock: bool
+    clock: str
+    clock_width: float
     remarks: tuple[str, ...]
 
     @property
@@ -69,22 +76,43 @@ def gather(
     time: str | Sequence[str] | None,
     site: tuple[float, ...] | list[tuple[float, ...] | None] | None,
     disc: int | list[int | None] | None,
+    clock: float | str | None = None,
     progress: Callable[[str, int, int], None],
 ) -> list[Evidence]:
     """Read and register every photograph; the arguments are those of `fit_atmosphere`."""
+    check_error(clock)
     if not paths:
         raise InputError("There is nothing to fit: name at least one photograph.")
     photos = [read_profile(path) if str(path).lower().endswith(".csv") else read_photo(path) for path in paths]
-    times = times_of(photos, time)
-    one_clock = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
+    times = dates_of(photos, time) if clock == UNKNOWN else times_of(photos, time)
     sites, discs = _each(site, len(photos), "Sites"), _each(disc, len(photos), "Discs")
     for one in sites:
         _check_site(one)
-    found = []
-    for number, item in enumerate(zip(photos, times, sites, discs, strict=True), 1):
-        found.append(_place(*item, one_clock))
+    sites = [one or getattr(photo, "site", None) for one, photo in zip(sites, photos, strict=True)]
+    series = [] if clock is None else of_one_clock(photos, clock)
+    search = is_searched(clock)
+    wheres = [] if search else [_where(*item) for item in zip(times, sites, strict=True)]  # refused before the work
+    registered: list[Registration | None] = []
+    for number, (photo, one) in enumerate(zip(photos, discs, strict=True), 1):
+        registered.append(register(photo, disc=one) if isinstance(photo, Photo) else None)
         progress("registering", number, len(photos))
-    return found
+    together = len(photos) > 1 and (time is None or isinstance(time, str) or len(time) == 1)
+    believed = None if isinstance(clock, str) else clock
+    whose, width, remarks = "camera" if together else "own", believed or prior.CLOCK, ()
+    if search:
+        found = correction(
+            series, [one.circle for one in registered if one is not None], times, sites, believed,
+            lambda done, total: progress("finding the time", done, total),
+        )  # fmt: skip
+        times = [later(read_clock(text), found.seconds) for text in times]
+        wheres = [_where(*item) for item in zip(times, sites, strict=True)]
+        whose, width, remarks = "all", max(prior.CLOCK, float(round(SLACK * found.error))), ()
+        # Of a clock that is unknown, a time that was given is no more than the date.
+        by_clock = time is None or believed is not None
+        remarks = (found.sentence(Path(photos[0].path).name, later(read_clock(times[0]), 0.0, 0), by_clock),)
+    placed = [_placed(*item, whose, width) for item in zip(photos, registered, wheres, sites, strict=True)]
+    placed[0] = replace(placed[0], remarks=remarks + placed[0].remarks)
+    return placed
 
 
 def _each(given, count: int, what: str) -> list:
@@ -107,49 +135,8 @@ def _check_site(site) -> None:
         )
 
 
-def times_of(photos: Sequence[Photo | Profile], time: str | Sequence[str] | None) -> list[str]:
-    """UTC of each photograph, from what was given and what the files are certain of."""
-    if isinstance(time, str):
-        time = [time]
-    if time and len(time) == len(photos):
-        return list(time)
-    if time and len(time) != 1:
-        raise InputError(
-            f"{len(time)} times were given for {len(photos)} photographs: give one for each, or one for the first."
-        )
-    if time:
-        # One time sets the first camera clock; the others follow by what their own clocks say.
-        clocks = [getattr(photo, "local_time", None) or getattr(photo, "time", None) for photo in photos]
-        for photo, text in zip(photos, clocks, strict=True):
-            if text is None:
-                raise InputError(f"{photo.path} holds no time of its own: give --time once for each photograph.")
-        first = _instant(clocks[0])
-        start = _instant(time[0])
-        return [_iso(start + (_instant(text) - first)) for text in clocks]
-    for photo in photos:
-        if photo.time is None:
-            local = getattr(photo, "local_time", None)
-            says = f"only its camera's clock, {local}, without a time zone" if local else "no time"
-            raise InputError(f"{photo.path} holds {says}: give the time in UTC, such as --time 2022-05-16T04:06:00Z.")
-    return [str(photo.time) for photo in photos]
-
-
-def _instant(text) -> datetime:
-    return datetime.fromisoformat(str(text).replace("Z", "")).replace(tzinfo=None)
-
-
-def _iso(instant: datetime) -> str:
-    return (instant + timedelta(0)).isoformat() + "Z"
-
-
-def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | None, one_clock: bool) -> Evidence:
-    remarks = []
-    site = site or getattr(photo, "site", None)
-    if site is None and isinstance(photo, Photo):
-        remarks.append(
-            f"{Path(photo.path).name}: no site is known, so the observer was put at the Earth's centre; the Moon's "
-            "parallax (up to a degree) then tilts the map by as much: give --site LAT,LON."
-        )
+def _where(utc: str, site: tuple | None) -> Geometry:
+    """The scene; `InputError` where there is no eclipse, or no Moon."""
     where = geometry(utc, *(site or ()))
     check_eclipsed(where)
     if site is not None and float(moon_altitude(where)) < np.radians(-1.0):
@@ -157,9 +144,23 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
             f"At {where.utc} the Moon is {-np.degrees(float(moon_altitude(where))):.0f} degrees below the horizon of "
             f"{site[0]:g}, {site[1]:g}: check the time (UTC) and the site (north and east are positive)."
         )
-    if isinstance(photo, Profile):
-        return Evidence(photo, where, site, None, None, False, tuple(remarks))
-    registration = register(photo, where, disc=disc)
+    return where
+
+
+def _placed(
+    photo: Photo | Profile, registration: Registration | None, where: Geometry, site: tuple | None, clock: str,
+    width: float,
+) -> Evidence:  # fmt: skip
+    """A photograph whose registration has no roll yet, with it; `clock` and `width` are those of `Evidence`."""
+    if isinstance(photo, Profile) or registration is None:
+        return Evidence(photo, where, site, None, None, "own", width, ())
+    remarks = []
+    if site is None:
+        remarks.append(
+            f"{Path(photo.path).name}: no site is known, so the observer was put at the Earth's centre; the Moon's "
+            "parallax (up to a degree) then tilts the map by as much: give --site LAT,LON."
+        )
+    registration = oriented(registration, photo, where)
     cells = bin_photo(photo, registration)
     seen = int((cells.usable.any(axis=1) & cells.on_disc).sum())
     if seen < LEAST_CELLS:
@@ -171,7 +172,7 @@ def _place(photo: Photo | Profile, utc: str, site: tuple | None, disc: int | Non
         remarks.append(
             f"{Path(photo.path).name}: neither maria nor shadow fixed the roll of the camera; north up was assumed."
         )
-    return Evidence(photo, where, site, registration, cells, one_clock, tuple(remarks))
+    return Evidence(photo, where, site, registration, cells, clock, width, tuple(remarks))
 
 
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
@@ -192,7 +193,7 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
             limit, on_disc = item.cells.limit, item.cells.on_disc
             floor = floor_of(value, sigma, usable, on_disc)
-            model = photo_model(item.photo, item.registration, item.where, item.cells, floor)
+            model = photo_model(item.photo, item.registration, item.where, item.cells, floor, item.clock_width)
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
             position = np.stack([item.cells.right, item.cells.up], axis=1)
         gain, width = real(exposure.relative), real(exposure.width)
@@ -202,7 +203,8 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         data.append(observed(np.log(scale), usable, limit, on_disc))
         pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
         sources.append(noise.Sources(pixels, relative, noise.modes_of(position, offset, on_disc), usable))
-    shadow = shadow_of([item.where for item in evidence])
+    reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
+    shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
     likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(sources), places(shared, models))
     groups: dict[object, list[int]] = {}
@@ -220,9 +222,8 @@ def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: 
 
 def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:
     """What a photograph shares with others that have the same keys: nuisances by name."""
-    if exposure.camera is None:
-        return {}
-    keys: dict[str, object] = {name: (name, exposure.camera) for name in prior.OF_CAMERA}
-    if item.one_clock:
-        keys["clock"] = ("clock", exposure.camera)
+    known = exposure.camera is not None
+    keys: dict[str, object] = {name: (name, exposure.camera) for name in prior.OF_CAMERA} if known else {}
+    if item.clock == "all" or (item.clock == "camera" and known):
+        keys["clock"] = ("clock", item.clock if item.clock == "all" else exposure.camera)
     return keys

@@ -1,6 +1,6 @@
 """From photographs on disk to the atmosphere that coloured them."""
 
-import time as clock
+import time as timer
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -39,6 +39,7 @@ def fit_atmosphere(
     time: str | Sequence[str] | None = None,
     site: tuple[float, ...] | list[tuple[float, ...] | None] | None = None,
     disc: int | list[int | None] | None = None,
+    clock: float | str | None = None,
     draws: int | None = None,
     seed: int = 0,
     chain: str | PathLike | None = None,
@@ -60,6 +61,9 @@ def fit_atmosphere(
     - `site`: latitude, longitude [degrees] and, where known, height [m]; or a list with one for each photograph. By
       default, and for each None in a list, from EXIF, else the Earth's centre.
     - `disc`: which of several discs in a picture, from 1; or a list with one for each photograph.
+    - `clock`: standard deviation of the error of the clock that gave the times [s], by default 60; or "unknown" if no
+      more than the day is to be believed, which `time` may give alone. If unknown, or above 300 s, the time is searched
+      by the shadow's place on the Moon (`inverse.clock_search`), for all photographs of the one camera together.
     - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
       posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.
@@ -68,13 +72,15 @@ def fit_atmosphere(
     """
     if (draws or 0) < 0 or seed < 0:
         raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
-    started = clock.perf_counter()
+    started = timer.perf_counter()
     if isinstance(photographs, str | PathLike):
         photographs = [photographs]
-    evidence = gather(photographs, time=time, site=site, disc=disc, progress=lambda *a: progress(Progress(*a)))
+    evidence = gather(
+        photographs, time=time, site=site, disc=disc, clock=clock, progress=lambda *a: progress(Progress(*a))
+    )  # fmt: skip
     progress(Progress("fitting", 0, STAGES))
     likelihood = prepare(evidence)
-    depends_on = identity(evidence, likelihood.parameters, disc, seed)
+    depends_on = identity(evidence, likelihood.parameters, disc, clock, seed)
     file = None if chain is None else Path(chain)
     record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
     if record is None:
@@ -91,7 +97,7 @@ def fit_atmosphere(
         keep=lambda samples: None if file is None else Record(depends_on, numbers, samples).write(file),
         progress=lambda stage, done, of: progress(Progress(stage, done, of)),
     )  # fmt: skip
-    return conclude(evidence, likelihood, optimum, found, seed, clock.perf_counter() - started)
+    return conclude(evidence, likelihood, optimum, found, clock, seed, timer.perf_counter() - started)
 
 
 def conclude(
@@ -99,6 +105,7 @@ def conclude(
     likelihood: Likelihood,
     optimum: Optimum,
     found: Answer,
+    clock: float | str | None,
     seed: int,
     seconds: float,
 ) -> Fit:
@@ -135,6 +142,6 @@ def conclude(
         photos=photos,
         diagnostics=diagnostics,
         warnings=tuple(warnings_of(evidence, quantities, diagnostics)),
-        provenance=provenance(evidence, seed),
+        provenance=provenance(evidence, clock, seed),
         log_posterior=found.log_posterior,
     )

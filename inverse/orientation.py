@@ -120,6 +120,16 @@ def cells(photo: Photo, circle: Circle, across: int = CELLS[0]) -> Cells:
     return Cells(place[:, 0], place[:, 1], log_light, good)
 
 
+def disc_cells(photo: Photo, circle: Circle) -> tuple[Cells, int]:
+    """The cells, finer where little of the disc can be used, and how many there are across it."""
+    across = CELLS[0]
+    here = cells(photo, circle, across)
+    if here.good.sum(0).max() < 0.2 * across**2:
+        across = CELLS[1]
+        here = cells(photo, circle, across)
+    return here, across
+
+
 def turned(face_image: np.ndarray, here: Cells, roll: float, mirror: bool) -> np.ndarray:
     """An image of the face at the cells of a camera with this roll: as in `eclipsejax.camera.sky_plane`."""
     left = here.right if mirror else -here.right
@@ -185,11 +195,7 @@ def evidence(pairs: np.ndarray, elements: float) -> np.ndarray:
 
 def orientation(photo: Photo, circle: Circle, geometry: Geometry, moon: Moon) -> Orientation:
     """Roll and mirror state of a photograph whose disc is known, at an instant that is known to some minutes."""
-    across = CELLS[0]
-    here = cells(photo, circle, across)
-    if here.good.sum(0).max() < 0.2 * across**2:
-        across = CELLS[1]
-        here = cells(photo, circle, across)
+    here, across = disc_cells(photo, circle)
     there = face(geometry, moon, across)
     colours = [Colour.of(here, i) for i, good in enumerate(here.good.T) if good.sum() >= LEAST_CELLS]
     if not colours:

@@ -92,11 +92,13 @@ class PhotoModel(eqx.Module):
     floor: Float[Array, ""]
     mirror: bool = eqx.field(static=True)
     tone_curve: str = eqx.field(static=True)
+    clock_width: float = eqx.field(static=True)
+    """Width of the prior of the clock's error [s]."""
 
     @property
     def parameters(self) -> tuple[prior.Parameter, ...]:
         """The nuisances of this photograph."""
-        return prior.photograph_parameters(self.tone_curve)
+        return prior.photograph_parameters(self.tone_curve, self.clock_width)
 
     def seen(self, z: Float[Array, " parameter"]) -> tuple[Surface, Surface]:
         """The Moon behind the cells, and around them for the glare."""
@@ -189,7 +191,9 @@ def colour_matrix(nuisance) -> Float[Array, "3 3"]:
     return identity + nuisance["tone.saturation"] * (jnp.asarray(COLOUR_MATRIX) - identity) + own
 
 
-def photo_model(photo, registration, where: Geometry, cells: Cells, floor: float) -> PhotoModel:
+def photo_model(
+    photo, registration, where: Geometry, cells: Cells, floor: float, clock_width: float = prior.CLOCK
+) -> PhotoModel:
     """Put a registered photograph's model together."""
     spacing = 1.0 / GLARE_POINTS_PER_RADIUS
     line = np.arange(-GLARE_POINTS_PER_RADIUS, GLARE_POINTS_PER_RADIUS) * spacing + 0.5 * spacing
@@ -210,6 +214,7 @@ def photo_model(photo, registration, where: Geometry, cells: Cells, floor: float
         floor=real(floor),
         mirror=registration.mirror,
         tone_curve=photo.tone_curve,
+        clock_width=clock_width,
     )
 
 

@@ -45,6 +45,8 @@ class Parameter(NamedTuple):
         return self.width * {"normal": 1.0, "lognormal": value, "logitnormal": value * (1.0 - value)}[self.shape]
 
 
+CLOCK = 60.0  # s: a clock that somebody set
+
 # The limb. Shared by all photographs of one eclipse.
 ATMOSPHERE = (
     Parameter(
@@ -76,7 +78,7 @@ PHOTOGRAPH = (
     Parameter("pointing.right", "radius", "normal", 0.0, 0.01, "error of the registration"),
     Parameter("pointing.up", "radius", "normal", 0.0, 0.01, "error of the registration"),
     Parameter("pointing.roll", "rad", "normal", 0.0, 0.02, "error of the registration"),
-    Parameter("clock", "s", "normal", 0.0, 60.0, "of the camera, or of who wrote the time down"),
+    Parameter("clock", "s", "normal", 0.0, CLOCK, "of the camera, or of who wrote the time down"),
 )
 TONE = (
     Parameter("tone.exponent", "-", "lognormal", 1.0, 0.15, "picture styles, relative to sRGB's own curve"),
@@ -94,9 +96,13 @@ OF_CAMERA = frozenset(
 )
 
 
-def photograph_parameters(tone_curve: str) -> tuple[Parameter, ...]:
-    """The nuisances of one photograph: a linear one has no tone curve."""
-    return PHOTOGRAPH if tone_curve == "linear" else PHOTOGRAPH + TONE
+def photograph_parameters(tone_curve: str, clock: float = CLOCK) -> tuple[Parameter, ...]:
+    """The nuisances of one photograph: a linear one has no tone curve.
+
+    - `clock`: standard deviation of its clock's error [s].
+    """
+    always = tuple(one._replace(width=clock) if one.name == "clock" else one for one in PHOTOGRAPH)
+    return always if tone_curve == "linear" else always + TONE
 
 
 PROFILE = (

@@ -60,6 +60,11 @@ class Registration:
     blur: float = 0.0
     roll_error: float = np.pi
 
+    @property
+    def circle(self) -> Circle:
+        """The disc alone."""
+        return Circle(self.row, self.column, self.radius, self.limb_fraction)
+
 
 def register(
     photo: Photo,
@@ -99,9 +104,12 @@ def register(
         radius_error=limb.radius_error,
         blur=2.355 * limb.blur,
     )
-    if geometry is None:
-        return registration
-    turned = orientation(photo, found, geometry, Moon() if moon is None else moon)
+    return registration if geometry is None else oriented(registration, photo, geometry, moon)
+
+
+def oriented(registration: Registration, photo: Photo, geometry: Geometry, moon: Moon | None = None) -> Registration:
+    """A registration without the roll, with it; the arguments are those of `register`."""
+    turned = orientation(photo, registration.circle, geometry, Moon() if moon is None else moon)
     return replace(
         registration,
         roll=turned.roll,

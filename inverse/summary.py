@@ -212,7 +212,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     return sentences
 
 
-def provenance(evidence, seed: int) -> dict:
+def provenance(evidence, clock: float | str | None, seed: int) -> dict:
     """What it takes to do it again."""
     return {
         "eclipsejax": version("eclipsejax"),
@@ -220,6 +220,7 @@ def provenance(evidence, seed: int) -> dict:
         "numpy": version("numpy"),
         "scipy": version("scipy"),
         "seed": seed,
+        "clock": clock,
         "photographs": [
             {
                 "name": Path(item.photo.path).name,

@@ -27,12 +27,18 @@ def limb(alpha: float = ALPHA) -> Atmosphere:
     return Atmosphere(dust=Dust(alpha), haze=Haze(0.1), clouds=Clouds(top=7e3, cover=0.95, width=4e3))
 
 
-def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = STYLE, quality: int = 92, seed: int = 1):
-    """Write a JPEG of the eclipse whose brightest parts reach 80 % of full scale."""
-    where = geometry(UTC, *SITE)
+def photograph(
+    path: Path, atmosphere: Atmosphere, *, utc: str = UTC, clock: str | None = None, tone: ToneCurve | None = STYLE,
+    quality: int = 92, seed: int = 1,
+):  # fmt: skip
+    """Write a JPEG of the eclipse whose brightest parts reach 80 % of full scale.
+
+    - `clock`: what the camera thinks that the time is, `2022:05:16 03:45:00`; with it the file states an exposure.
+    """
+    where = geometry(utc, *SITE)
     scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / RADIUS
     frame = {"shape": SHAPE, "scale": scale, "roll": np.radians(ROLL), "centre": CENTRE, "response": "nikon_5100"}
-    scene = Scene.at(UTC, *SITE, camera=Camera(**frame), scatterers=Scatterers())
+    scene = Scene.at(utc, *SITE, camera=Camera(**frame), scatterers=Scatterers())
     light = np.asarray(eqx.filter_jit(render)(scene, atmosphere, tolerance=1e-2))
     light = light / np.asarray(channel_weights(scene, 24)[1].sum(axis=0))  # white balance on the uneclipsed Moon
     gain = 0.8 / np.percentile(light[..., 0][light[..., 0] > 0], 99.5)
@@ -40,5 +46,9 @@ def photograph(path: Path, atmosphere: Atmosphere, *, tone: ToneCurve | None = S
     optics = {"psf_fwhm": 2.0, "glare": 0.01, "glare_scale": 25.0}
     camera = Camera(**frame, **optics, exposure=exposure, tone=tone, encoding="srgb")
     encoded = np.asarray(expose(jnp.asarray(light), camera, jax.random.key(seed)))
-    Image.fromarray(np.round(255 * np.clip(encoded, 0, 1)).astype(np.uint8)).save(path, quality=quality)
+    exif = Image.Exif()
+    if clock is not None:
+        exif[272] = "Synthetic"  # Model; then ExposureTime, DateTimeOriginal and ISOSpeedRatings
+        exif.get_ifd(0x8769).update({33434: 1e-3 * float(gain), 36867: clock, 34855: 400})
+    Image.fromarray(np.round(255 * np.clip(encoded, 0, 1)).astype(np.uint8)).save(path, quality=quality, exif=exif)
     return path

@@ -10,7 +10,7 @@ import pytest
 from inverse import noise, prior
 from inverse.information import in_words, independent_in_words, information, under_independent_errors
 from inverse.likelihood import LIMB
-from inverse.map_estimate import Optimum, maximum
+from inverse.map_estimate import Optimum, descend
 from inverse.misfit_check import misfit_checks, unexplained
 from inverse.summary import warnings_of
 from tests.test_map_estimate import Straight
@@ -67,7 +67,7 @@ def test_a_photograph_that_says_nothing_leaves_the_prior():
 class Photograph(Straight):
     """As `Straight`, one photograph, with names and all of its data usable."""
 
-    usable: tuple = ()
+    observed: tuple = ()
     parameters: tuple = ()
 
 
@@ -84,13 +84,20 @@ def photograph(seed=0, count=300, error=1.0, patchy=1.0):
     data = slopes @ random.standard_normal(COUNT) + drawn
     gain = (SimpleNamespace(name="gain"), SimpleNamespace(name="clock"))
     parameters = (*prior.ATMOSPHERE, *gain)
-    return Photograph([slopes], [data], [errors], places=(place,), usable=(np.ones(count),), parameters=parameters)
+    return Photograph(
+        [slopes],
+        [data],
+        [errors],
+        places=(place,),
+        observed=(SimpleNamespace(measured=np.ones(count)),),
+        parameters=parameters,
+    )
 
 
 def test_independent_errors_of_the_same_size_are_compared_at_the_same_optimum():
     likelihood = photograph()
     likelihood.slopes[0] = likelihood.slopes[0] * 0.05 + np.linspace(-1, 1, 300)[:, None]  # as smooth as the errors
-    optimum = maximum(likelihood, [np.zeros(COUNT)])
+    optimum = descend(likelihood, np.zeros(COUNT))
     said = under_independent_errors(likelihood, optimum)
     errors = likelihood.errors[0]
     variance = errors.scale**2 + np.sum((errors.modes * errors.amplitudes) ** 2, axis=1)
@@ -107,7 +114,7 @@ def test_independent_errors_of_the_same_size_are_compared_at_the_same_optimum():
 
 def checked(**given):
     likelihood = photograph(**given)
-    return misfit_checks(likelihood, maximum(likelihood, [np.zeros(COUNT)]))[0]
+    return misfit_checks(likelihood, descend(likelihood, np.zeros(COUNT)))[0]
 
 
 def test_misfits_of_a_right_model_are_as_large_as_expected():

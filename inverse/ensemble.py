@@ -6,6 +6,7 @@ import emcee
 import numpy as np
 from scipy.stats import chi2
 
+from eclipsejax.errors import InputError
 from inverse.chain import Chain
 from inverse.diagnostics import diagnose, long_enough
 from inverse.gaussian import Gaussian
@@ -104,7 +105,10 @@ def _start(density: Density, centre, covariance, random: np.random.RandomState) 
         if np.sum(depth < 0.5 * chi2.ppf(START_LEVEL, size)) >= WALKERS:
             break
     if not np.isfinite(value.max()):
-        raise FloatingPointError("the posterior is zero wherever Laplace's approximation expects it")
+        raise InputError(
+            "The posterior is no finite number anywhere near its optimum, so that nothing can be drawn from it: "
+            "take --draws 0 for Laplace's approximation, and send the photograph with a bug report."
+        )
     # The likely ones in the order in which they were drawn; then, if those are too few, the least unlikely.
     chosen = np.argsort(np.maximum(depth, 0.5 * chi2.ppf(START_LEVEL, size)), kind="stable")[:WALKERS]
     return emcee.State(z[chosen], log_prob=value[chosen], random_state=random.get_state())

@@ -39,6 +39,7 @@ QUALITY = (85, 97)
 FULL_WELL, READ_NOISE = 20e3, 5.0  # electrons
 BLUR = 2.0  # pixel, full width at half maximum
 COLOURS = ("red", "green", "blue")
+SURVIVING = 0.82  # of the independent errors of patches, once the picture is blurred: what is left in a cell
 ERROR_POINTS = 41  # along the diameter of the grid that smooth errors are drawn on
 
 
@@ -150,7 +151,7 @@ def _errors(random, right, up, offset) -> np.ndarray:
     shared = common * smooth()
     patch = np.floor(np.stack([up, right]) * CELLS_PER_RADIUS).astype(int)
     patch -= patch.min(axis=(1, 2), keepdims=True)
-    each = noise.INDEPENDENT * random.standard_normal((*(patch.max(axis=(1, 2)) + 1), 3))
+    each = noise.INDEPENDENT / SURVIVING * random.standard_normal((*(patch.max(axis=(1, 2)) + 1), 3))
     return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]]
 
 

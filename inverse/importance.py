@@ -13,7 +13,8 @@ from inverse.diagnostics import LEAST_SAMPLES, arviz
 from inverse.gaussian import Gaussian
 
 LARGEST_K = 0.7
-DRAWS, MOST_DRAWS = 2000, 8000
+DRAWS, ROUNDS = 2000, 4
+FREEDOM, WIDER = 8.0, 1.1  # of proposals after the first: Student's degrees of freedom, and a margin of the variance
 ALIKE = 0.98  # effective share of draws above which weights are as good as equal
 
 
@@ -41,25 +42,45 @@ class Importance:
 def importance(
     density: Callable[[np.ndarray], np.ndarray], centre: np.ndarray, covariance: np.ndarray, *, seed: int
 ) -> Importance:
-    """Sample a density through the Gaussian about its optimum; once more with more draws, where they would suffice.
+    """Sample a density through the Gaussian about its optimum, and where that does not do, through what it shows.
+
+    Adaptive importance sampling (Cappe et al. 2008): mean and covariance of the weighed draws make the next proposal, a
+    Student distribution, whose tails are the heavier ones. Stops where the weights can be trusted.
 
     - `density`: log densities (draw,) of points (draw, parameter).
     """
-    random, proposal = np.random.default_rng(seed), Gaussian.about(centre, covariance)
-    normal, value = np.zeros((0, len(centre))), np.zeros(0)
+    random, proposal, freedom = np.random.default_rng(seed), Gaussian.about(centre, covariance), np.inf
+    best: Importance | None = None
+    for _ in range(ROUNDS):
+        normal = random.standard_normal((DRAWS, len(centre)))
+        if np.isfinite(freedom):
+            normal = normal / np.sqrt(random.chisquare(freedom, DRAWS) / freedom)[:, None]
+        z = proposal.at(normal)
+        value = density(z)
+        weight, k_hat = _weights(value - _log_proposal(normal, freedom))
+        found = _resampled(z, value, weight, k_hat, random)
+        if found.trusted:
+            return found
+        if best is None or found.effective_samples > best.effective_samples:
+            best = found
+        if not np.isfinite(k_hat):
+            break
+        mean = weight @ z
+        spread = (z - mean).T @ (weight[:, None] * (z - mean))
+        # Few draws that count know few directions: the rest is as wide as it was.
+        known = min(1.0, found.effective_samples / (20.0 * len(centre)))
+        spread = known * spread + (1.0 - known) * proposal.factor @ proposal.factor.T
+        proposal, freedom = Gaussian.about(mean, WIDER * spread), FREEDOM
+    assert best is not None
+    return best
 
-    def more(count):
-        fresh = random.standard_normal((count, len(centre)))
-        return np.concatenate([normal, fresh]), np.concatenate([value, density(proposal.at(fresh))])
 
-    normal, value = more(DRAWS)
-    weight, k_hat = _weights(value + 0.5 * np.sum(normal**2, axis=1))
-    share = 1.0 / np.sum(weight**2) / DRAWS
-    wanted = int(1.2 * LEAST_SAMPLES / share)
-    if k_hat < LARGEST_K and DRAWS < wanted <= MOST_DRAWS:
-        normal, value = more(wanted - DRAWS)
-        weight, k_hat = _weights(value + 0.5 * np.sum(normal**2, axis=1))
-    return _resampled(proposal.at(normal), value, weight, k_hat, random)
+def _log_proposal(deviates: np.ndarray, freedom: float) -> np.ndarray:
+    """Log density (draw,) of deviates (draw, parameter), up to a constant: normal, or Student's."""
+    squares = np.sum(deviates**2, axis=1)
+    if not np.isfinite(freedom):
+        return -0.5 * squares
+    return -0.5 * (freedom + deviates.shape[1]) * np.log1p(squares / freedom)
 
 
 def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, random) -> Importance:
@@ -86,6 +107,7 @@ def _weights(log_ratio: np.ndarray) -> tuple[np.ndarray, float]:
     """Smoothed weights, sum 1, and k-hat."""
     if not np.isfinite(log_ratio).any():
         return np.full(len(log_ratio), 1.0 / len(log_ratio)), np.inf
-    smoothed, k_hat = arviz().psislw(log_ratio)
+    with np.errstate(over="ignore"):  # tails that no proposal covers have any shape
+        smoothed, k_hat = arviz().psislw(log_ratio)
     weight = np.exp(np.asarray(smoothed))
     return weight / weight.sum(), float(k_hat)

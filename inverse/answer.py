@@ -86,9 +86,9 @@ def answer(
 ) -> Answer:
     """Draw from the posterior about an optimum.
 
-    Importance sampling by Laplace's Gaussian only where k-hat is below 0.7 and the dust away from zero: beside zero the
-    posterior is one-sided, and the weights do not tell. Then ensembles on a surrogate (`inverse.surrogate`); and on the
-    posterior itself where the surrogate fails, or draws were asked for.
+    Importance sampling, from Laplace's Gaussian on, only where k-hat is below 0.7 and the dust away from zero: beside
+    zero the posterior is one-sided, and the weights do not tell. Then ensembles on a surrogate (`inverse.surrogate`);
+    and on the posterior itself where the surrogate fails, or draws were asked for.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.

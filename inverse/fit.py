@@ -49,9 +49,10 @@ def fit_atmosphere(
     """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
 
     The optimum is over the limb and every nuisance of each photograph (exposure, white balance, tone curve, glare,
-    pointing, clock), from several starts; photographs of one camera share its tone curve, white balance, sensitivity
-    and clock. The posterior is over the limb, with the nuisances marginalised about the optimum: Laplace's Gaussian
-    where importance weights show it to be right and the dust is away from zero, otherwise sampled (`inverse.answer`).
+    pointing, clock), the best of those from several starts (`inverse.optimum`); photographs of one camera share its
+    tone curve, white balance, sensitivity and clock. The posterior is over the limb, with the nuisances at their best
+    under each (`inverse.posterior`): by importance weights where they can be trusted and the dust is away from zero,
+    otherwise sampled (`inverse.answer`).
     Priors: `inverse.prior`. Errors: `inverse.noise`, as large as the photographs say (`inverse.noise_fit`). Raises
     `InputError` with one sentence where a photograph cannot be used.
 

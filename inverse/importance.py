@@ -1,4 +1,4 @@
-"""Laplace's Gaussian corrected by importance weights: an answer in seconds, where its own diagnostic allows it.
+"""A Gaussian corrected by importance weights: an answer in a minute, where its own diagnostic allows it.
 
 Pareto-smoothed importance sampling, Vehtari, Simpson, Gelman, Yao & Gabry 2024: the largest weights are replaced by
 the quantiles of a generalised Pareto distribution, whose shape k-hat tells whether the Gaussian's tails suffice.

@@ -21,4 +21,5 @@ class Bars:
             self.__exit__()
             self.stage, self.bar = stage, tqdm(total=total, desc=stage, unit="")
         assert self.bar is not None
+        self.bar.total = total  # it may turn out to be more than was thought
         self.bar.update(done - self.bar.n)

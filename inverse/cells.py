@@ -58,11 +58,12 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
         return np.stack([np.bincount(index, image[..., c].ravel(), side * side) for c in range(3)], axis=1)
 
     usable, saturated, black = photo.usable[window], photo.saturated[window], photo.black[window]
-    pixels = np.where(usable, photo.pixels[window], 0.0).astype(float)
+    shown = photo.pixels[window]
+    pixels = np.where(usable, shown, 0.0).astype(float)
     everything = np.bincount(index, minlength=side * side)[:, None]
-    count = total(usable)
+    count, light = total(usable), total(pixels)
     safe = np.maximum(count, 1)
-    mean = total(pixels) / safe
+    mean = light / safe
     scatter = np.maximum(total(pixels**2) / safe - mean**2, 0.0)
     stated = total(np.where(usable, photo.variance[window], 0.0)) / safe
     # JPEG blocks and demosaicking tie some four pixels to one independent one.
@@ -76,11 +77,11 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     on_disc = corner < DISC_MARGIN
     good = (count >= LEAST_USABLE * everything) & (everything > 0)
     # What is overexposed is at least as bright as the least of it, what is black at most as bright as the most of it.
-    over, under = total(saturated & ~usable), total(black & ~usable)
+    over, under = total(saturated), total(black)
     known = ~good & (count + over + under >= LEAST_USABLE * everything)
     limit = np.where(known, np.sign(over) * (under == 0) - np.sign(under) * (over == 0), 0.0)
-    ends = [_end(photo.pixels[window], saturated, np.min), _end(photo.pixels[window], black, np.max)]
-    bound = (total(pixels) + over * ends[0] + under * ends[1]) / np.maximum(count + over + under, 1)
+    least, most = _end(shown, saturated, np.min), _end(shown, black, np.max)
+    bound = (light + over * least + under * most) / np.maximum(count + over + under, 1)
     mean = np.where(limit == 0, mean, bound)
     ring = np.flatnonzero((distance > SKY_INNER) & (distance < SKY_OUTER))
     seen = ring[everything[ring, 0] > 0]
@@ -94,7 +95,7 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
 
 def _end(pixels: np.ndarray, chosen: np.ndarray, extreme) -> np.ndarray:
     """Extreme value of the chosen pixels of each channel (3,); 0 where there are none."""
-    each = ((pixels[..., c][chosen[..., c]]) for c in range(3))
+    each = (pixels[..., c][chosen[..., c]] for c in range(3))
     return np.array([extreme(values) if values.size else 0.0 for values in each])
 
 

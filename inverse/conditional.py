@@ -14,9 +14,7 @@ def with_nuisances(likelihood: Likelihood, optimum: Optimum, limb: np.ndarray, n
 
     - `limb`: (parameter,); `normal`: standard normal deviates (nuisance,).
     """
-    information = optimum.information
-    moved = np.linalg.solve(information[LIMB:, LIMB:], information[LIMB:, :LIMB] @ (limb - optimum.z[:LIMB]))
-    z = np.concatenate([limb, optimum.z[LIMB:] - moved])
+    z = np.concatenate([limb, optimum.nuisances(limb)])
     here = quadratic(likelihood, z)
     for _ in range(STEPS):
         step = np.linalg.solve(here.information[LIMB:, LIMB:], here.gradient[LIMB:])

@@ -106,7 +106,7 @@ def gather(
         )  # fmt: skip
         times = [later(read_clock(text), found.seconds) for text in times]
         wheres = [_where(*item) for item in zip(times, sites, strict=True)]
-        whose, width, remarks = "all", max(prior.CLOCK, float(round(SLACK * found.error))), ()
+        whose, width = "all", max(prior.CLOCK, float(round(SLACK * found.error)))
         # Of a clock that is unknown, a time that was given is no more than the date.
         by_clock = time is None or believed is not None
         remarks = (found.sentence(Path(photos[0].path).name, later(read_clock(times[0]), 0.0, 0), by_clock),)

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import least_squares
 
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
 
 MOST_STEPS = 150
 COST_CHANGE = 5e-6  # relative change of the cost at which a descent ends
@@ -44,6 +44,11 @@ class Optimum:
         """Laplace: the inverse of the information, whose eigenvalues the prior keeps at 1 or above."""
         value, vector = np.linalg.eigh(self.information)
         return (vector / np.maximum(value, 1.0)) @ vector.T
+
+    def nuisances(self, limb: np.ndarray) -> np.ndarray:
+        """The best ones under limbs (..., parameter) near that of the optimum, to first order (..., nuisance)."""
+        moved = np.linalg.solve(self.information[LIMB:, LIMB:], self.information[LIMB:, :LIMB])
+        return self.z[LIMB:] - (limb - self.z[:LIMB]) @ moved.T
 
 
 @dataclass(frozen=True)

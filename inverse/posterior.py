@@ -1,4 +1,4 @@
-"""The posterior of the limb: a density over the few parameters that the photographs share with one another's air.
+"""The posterior of the limb: a density over the few parameters of the air, which all photographs share.
 
 The nuisances of the photographs are at their best under each limb, found by a few steps with the slopes at the optimum.
 That is their marginal but for a determinant, which changed by less than 1 in the log over several posteriors. To first
@@ -36,15 +36,13 @@ class LimbPosterior:
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.optimum = likelihood, optimum
         self.evaluated = self.not_finite = 0
+        self.information = cho_factor(optimum.information[LIMB:, LIMB:])
         slopes = []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
             everywhere = np.zeros((len(by), optimum.z.size))
             everywhere[:, likelihood.columns(number)] = likelihood.errors[number].whitener(by)
-            slopes.append(everywhere)
-        stacked = np.concatenate(slopes)
-        self.slopes = stacked[:, LIMB:]
-        self.information = cho_factor(np.eye(self.slopes.shape[1]) + self.slopes.T @ self.slopes)
-        self.moved = cho_solve(self.information, self.slopes.T @ stacked[:, :LIMB])
+            slopes.append(everywhere[:, LIMB:])
+        self.slopes = np.concatenate(slopes)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
@@ -71,8 +69,7 @@ class LimbPosterior:
     def _best(self, limbs: np.ndarray) -> np.ndarray:
         """Misfits with the nuisances at their best: steps are taken from the best so far, shorter after a bad one."""
         entries, count = _entries(self.likelihood.shadow, jnp.asarray(limbs)), self.slopes.shape[1]
-        trial = self.optimum.z[LIMB:] - (limbs - self.optimum.z[:LIMB]) @ self.moved.T
-        best = self._rows(entries, trial)
+        best = self._rows(entries, self.optimum.nuisances(limbs))
         least, share = _squares(best), np.ones(len(limbs))
         for _ in range(STEPS):
             known = np.where(np.isfinite(best), best, 0.0)

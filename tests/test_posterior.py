@@ -6,7 +6,7 @@ import pytest
 from inverse.catalogue import data_file
 from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB
-from inverse.map_estimate import Optimum, descend
+from inverse.map_estimate import Optimum, descend, quadratic
 from inverse.posterior import BATCH, LimbPosterior
 
 
@@ -19,7 +19,7 @@ def likelihood():
 @pytest.fixture(scope="module")
 def posterior(likelihood):
     z = np.full(len(likelihood.parameters), 0.1)
-    return LimbPosterior(likelihood, Optimum(z, 0.0, True, 1, np.eye(z.size), ()))
+    return LimbPosterior(likelihood, Optimum(z, 0.0, True, 1, quadratic(likelihood, z).information, ()))
 
 
 def test_batches_of_any_length_give_what_single_points_give(posterior):

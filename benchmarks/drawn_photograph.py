@@ -151,8 +151,9 @@ def _errors(random, right, up, offset) -> np.ndarray:
     shared = common * smooth()
     patch = np.floor(np.stack([up, right]) * CELLS_PER_RADIUS).astype(int)
     patch -= patch.min(axis=(1, 2), keepdims=True)
-    each = noise.INDEPENDENT / SURVIVING * random.standard_normal((*(patch.max(axis=(1, 2)) + 1), 3))
-    return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]]
+    sides = patch.max(axis=(1, 2)) + 1
+    each = noise.RELIEF * random.standard_normal((*sides, 1)) + noise.TINT * random.standard_normal((*sides, 3))
+    return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]] / SURVIVING
 
 
 def _developed(random, light, nuisance, right, up, radius) -> np.ndarray:

@@ -16,6 +16,7 @@ from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
 from eclipsejax.traced import real
 from inverse import noise, prior
+from inverse.assumed_camera import response
 from inverse.cells import Cells, bin_photo
 from inverse.clock_search import correction, later
 from inverse.exposures import Exposed, log_exposures
@@ -178,7 +179,7 @@ def _placed(
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, sources = [], [], []
+    models, data, errors = [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
@@ -199,19 +200,20 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         gain, width = real(exposure.relative), real(exposure.width)
         models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
         scale = np.maximum(value, 0.0) + floor
-        relative = np.where(on_disc, noise.INDEPENDENT, noise.SKY)
+        relief = np.where(on_disc, noise.RELIEF, noise.SKY)
         data.append(observed(np.log(scale), usable, limit, on_disc))
         pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
-        sources.append(noise.Sources(pixels, relative, noise.modes_of(position, offset, on_disc), usable))
+        smooth, black = noise.modes_of(position, offset, on_disc), noise.black_modes(value, floor, usable)
+        sources = noise.Sources(pixels, relief, smooth, black, usable, on_disc)
+        errors.append(sources.errors(response(model, value)))
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(sources), places(shared, models))
+    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(errors), places(shared, models))
     groups: dict[object, list[int]] = {}
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
-    likelihood = likelihood.centred(list(groups.values()))
-    return likelihood.carried(np.zeros(len(likelihood.parameters)))
+    return likelihood.centred(list(groups.values()))
 
 
 def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: np.ndarray) -> float:

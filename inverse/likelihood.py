@@ -6,7 +6,7 @@ the same place in the vector z.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
-from inverse.noise import Errors, Sources
+from inverse.noise import Errors
 from inverse.observed import Observed
 from inverse.photo_model import log_value, signal
 
@@ -32,17 +32,15 @@ class Likelihood:
 
     - `models`: a `PhotoModel` or `ProfileModel` each.
     - `observed`: log values above the floor (cell x 3,) each.
-    - `sources`: of the errors of those log values; `errors`: what they come to at `carried_at`, a vector z.
+    - `errors`: of those log values.
     - `places`: of each photograph's nuisances in z, (nuisance,) each.
     """
 
     shadow: Shadow
     models: tuple
     observed: tuple[Observed, ...]
-    sources: tuple[Sources, ...]
+    errors: tuple[Errors, ...]
     places: tuple[np.ndarray, ...]
-    errors: tuple[Errors, ...] = ()
-    carried_at: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def parameters(self) -> tuple[prior.Parameter, ...]:
@@ -101,16 +99,6 @@ class Likelihood:
                     models[number] = eqx.tree_at(lambda model: model.gain, models[number], gain)
         return replace(self, models=tuple(models))
 
-    def carried(self, z: np.ndarray) -> "Likelihood":
-        """The same with the errors that the cameras make of those of the light at z, as large as they were."""
-        light = shadow_light(self.shadow, jnp.asarray(z[:LIMB])).log_light
-        found = []
-        for number, (model, source, place) in enumerate(zip(self.models, self.sources, self.places, strict=True)):
-            fresh = source.errors(np.asarray(response(model, self.shadow, light, jnp.asarray(z[place]))))
-            before = self.errors[number] if self.errors else fresh
-            found.append(replace(before, sigma=fresh.sigma, modes=fresh.modes))
-        return replace(self, errors=tuple(found), carried_at=np.asarray(z))
-
     def _missing(self, model, number: int, table: ShadowTable) -> np.ndarray:
         predicted = log_value(model, signal(model, table, jnp.zeros(len(model.parameters))))
         observed = self.observed[number]
@@ -122,20 +110,6 @@ def misfit(model, observed: Observed, table: ShadowTable, nuisance) -> Float[Arr
     """Data minus model of one photograph, as `Observed.misfit`."""
     predicted = log_value(model, model.signal(table, model.seen(nuisance), nuisance))
     return observed.misfit(predicted.ravel())
-
-
-@eqx.filter_jit
-def response(model, shadow: Shadow, light, nuisance) -> Float[Array, "cell value channel"]:
-    """Change of a photograph's log values by the log light of each channel, all over the disc.
-
-    - `light`: entries of the shadow's table.
-    """
-    where = model.seen(nuisance)
-
-    def value(by):
-        return log_value(model, model.signal(shadow.table(light + by), where, nuisance))
-
-    return jax.jacfwd(value)(jnp.zeros(light.shape[-1]))
 
 
 @eqx.filter_jit

@@ -4,11 +4,11 @@ No model of the limb is right to better than some 10 %, smoothly over the disc: 
 contrast with them. Treated as independent, such errors make intervals nine times too narrow. So the covariance of
 the log residuals is
 
-    s^2 D (noise and independent error of each cell) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
-    each channel)
+    s^2 D (noise and errors of each cell by itself) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
+    each channel) + B B' (of values near black)
 
-with A and C of low rank: a multiplication by its inverse root costs two thin matrix products. How large s, a and c
-are, the photograph says itself (`inverse.noise_fit`).
+with D of a block for the three values of each cell, the others of low rank: a multiplication by its inverse root costs
+two thin matrix products. How large s, a and c are, the photograph says itself (`inverse.noise_fit`).
 """
 
 from dataclasses import dataclass, replace
@@ -17,85 +17,115 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import eigh
 
-INDEPENDENT = 0.05  # relative error of one cell: craters and the map's own errors
+# Relative errors of the light of one cell, alike in all channels (craters, the map's own errors) and in each. Local
+# misfits of photographs of 2015 and 2022 are 1.6-3.5 % and 0.6-2.4 % (python -m benchmarks.local_errors).
+RELIEF, TINT = 0.035, 0.012
 SKY = 0.3  # relative error of the sky's brightness beside the Moon, all over it: glare is modelled coarsely
 COMMON = 0.10  # amplitude of the smooth error common to the channels
 CHROMATIC = 0.04  # amplitude of that of each channel
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
 RADIAL = 1e-3  # rad: 3.4 arcmin
-MODES = 50  # common to the channels, and as many for each
+MODES = 100  # common to the channels, and as many for each
+BLACK = 1e-3  # full scale: some three codes of a black pixel in an 8-bit file
+BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
 
 
 @dataclass(frozen=True)
 class Errors:
     """Errors of the log values of one photograph.
 
-    - `sigma`: root of D (datum,).
-    - `modes`: A and C side by side (datum, mode); `common`: how many of them are A's.
+    - `cells`: D, a covariance for the values of each cell (cell, value, value).
+    - `modes`: A, C and B side by side (datum, mode); `common`, `black`: how many of them are A's, and B's.
     - `independent`, `smooth`, `chromatic`: s, a, c.
-    - `outlying`: by what D is larger where a cell belongs to no model: a star, a hot pixel (datum,).
+    - `outlying`: by what D is larger where a value belongs to no model: a star, a hot pixel (datum,).
     """
 
-    sigma: np.ndarray
+    cells: np.ndarray
     modes: np.ndarray
     common: int
+    black: int = 0
     independent: float = 1.0
     smooth: float = COMMON
     chromatic: float = CHROMATIC
     outlying: np.ndarray | float = 1.0
 
+    @cached_property
+    def sigma(self) -> np.ndarray:
+        """Roots of the diagonal of D (datum,)."""
+        return np.sqrt(np.diagonal(self.cells, axis1=1, axis2=2)).ravel()
+
     @property
     def scale(self) -> np.ndarray:
-        """Standard deviation of the independent errors (datum,)."""
+        """Standard deviation of the errors of each cell by itself (datum,)."""
         return self.independent * self.sigma * np.sqrt(self.outlying)
 
     @property
     def amplitudes(self) -> np.ndarray:
         """Of each mode (mode,)."""
-        return np.where(np.arange(self.modes.shape[1]) < self.common, self.smooth, self.chromatic)
+        size = np.array([1.0, self.smooth, self.chromatic])
+        return size[self.kinds]
+
+    @property
+    def kinds(self) -> np.ndarray:
+        """1 for the modes of A, 2 for C's, 0 for B's (mode,)."""
+        count = np.arange(self.modes.shape[1])
+        return np.where(count < self.common, 1, np.where(count < count.size - self.black, 2, 0))
+
+    @cached_property
+    def alone(self) -> "Alone":
+        """Multiplies by the inverse root of s^2 D."""
+        wide = (self.independent * np.sqrt(self.outlying) * np.ones(self.sigma.size)).reshape(len(self.cells), -1)
+        return Alone(np.linalg.inv(np.linalg.cholesky(wide[:, :, None] * self.cells * wide[:, None])))
 
     @cached_property
     def whitener(self) -> "Whitener":
         """Multiplies by the inverse root of the covariance."""
-        return whitener(self.scale, self.modes * self.amplitudes)
-
-    @property
-    def log_determinant(self) -> float:
-        """Of the covariance."""
-        return 2.0 * float(np.log(self.scale).sum() - np.log1p(self.whitener.shrink).sum())
+        return whitener(self.alone, self.modes * self.amplitudes)
 
     def without_smooth(self) -> "Errors":
         """The same variance of every datum, all of it independent: what is usually assumed, and wrong."""
-        variance = self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)
-        return replace(self, sigma=np.sqrt(variance), independent=1.0, outlying=1.0, smooth=1e-9, chromatic=1e-9)
+        variance = (self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)).reshape(len(self.cells), -1)
+        cells = variance[:, :, None] * np.eye(variance.shape[1])
+        return replace(self, cells=cells, independent=1.0, outlying=1.0, smooth=1e-9, chromatic=1e-9)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Multiplies the values of each cell by a matrix of its own: `roots` (cell, value, value)."""
+
+    roots: np.ndarray
+
+    def __call__(self, residual: np.ndarray) -> np.ndarray:
+        """Of residuals (datum,) or of many side by side (datum, column)."""
+        return (self.roots @ residual.reshape(*self.roots.shape[:2], -1)).reshape(residual.shape)
 
 
 @dataclass(frozen=True)
 class Whitener:
-    """Multiplies residuals by C^(-1/2), C = diag(sigma^2) + L L'.
+    """Multiplies residuals by C^(-1/2), C = D + L L'.
 
-    - `sigma`: (datum,); `basis`: orthonormal (datum, rank); `shrink`: 1 / sqrt(1 + eigenvalue) - 1 (rank,).
+    - `alone`: by D^(-1/2); `basis`: orthonormal (datum, rank); `shrink`: 1 / sqrt(1 + eigenvalue) - 1 (rank,).
     """
 
-    sigma: np.ndarray
+    alone: Alone
     basis: np.ndarray
     shrink: np.ndarray
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """Of residuals (datum,) or of many side by side (datum, column)."""
-        scaled = (residual.T / self.sigma).T
+        scaled = self.alone(residual)
         return scaled + self.basis @ ((self.basis.T @ scaled).T * self.shrink).T
 
 
-def whitener(sigma: np.ndarray, low_rank: np.ndarray) -> Whitener:
-    """From the standard deviations (datum,) and L (datum, rank)."""
-    scaled = low_rank / sigma[:, None]
+def whitener(alone: Alone, low_rank: np.ndarray) -> Whitener:
+    """From the inverse root of D and L (datum, rank)."""
+    scaled = alone(low_rank)
     # The eigenvectors of the small L'L: an SVD of the tall matrix costs ten times as much.
     eigenvalue, vector = np.linalg.eigh(scaled.T @ scaled)
     kept = eigenvalue > 1e-9 * max(eigenvalue.max(), 1e-300)
     basis = np.where(kept, scaled @ vector / np.sqrt(np.where(kept, eigenvalue, 1.0)), 0.0)
     shrink = np.where(kept, 1.0 / np.sqrt(1.0 + np.where(kept, eigenvalue, 0.0)) - 1.0, 0.0)
-    return Whitener(sigma, basis, shrink)
+    return Whitener(alone, basis, shrink)
 
 
 def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
@@ -142,34 +172,60 @@ def modes_of(position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray) -> n
     return modes
 
 
+def black_modes(value: np.ndarray, floor: float, usable: np.ndarray) -> np.ndarray:
+    """B: errors of the log of values near black, where a camera cuts off noise, and files have few codes (datum, mode).
+
+    A curve of the value for each channel, `BLACK` wide and smooth over a factor of `BLACK_REACH`: what is wrong with
+    one dark cell is wrong with all that are as dark.
+
+    - `value`: (cell, 3) and `floor` [full scale]; `usable`: (cell, 3).
+    """
+    height = np.log(np.maximum(value, 0.0) + floor)
+    line = np.linspace(height.min(), height.max(), BLACK_POINTS)
+    kernel = np.exp(-np.abs(line[:, None] - line) / np.log(BLACK_REACH))
+    values, vectors = eigh(kernel, subset_by_index=(BLACK_POINTS - BLACK_MODES, BLACK_POINTS - 1))
+    curves = (vectors * np.sqrt(values)).T
+    each = np.stack([np.interp(height, line, curve) for curve in curves], axis=-1) * usable[..., None]
+    each = each * BLACK / np.exp(height)[..., None]
+    return (each[:, :, None] * np.eye(value.shape[1])[..., None]).reshape(value.size, -1)
+
+
 @dataclass(frozen=True)
 class Sources:
     """Where the errors of (cell, channel) log values come from.
 
     - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
-    - `light`: relative error of each cell's light in each channel (cell,).
+    - `relief`: relative error of each cell's light, alike in all channels (cell,).
     - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
-    - `usable`: (cell, 3).
+    - `black`: `black_modes` (datum, mode).
+    - `usable`: (cell, 3); `on_disc`: (cell,).
     """
 
     noise: np.ndarray
-    light: np.ndarray
+    relief: np.ndarray
     smooth: np.ndarray
+    black: np.ndarray
     usable: np.ndarray
+    on_disc: np.ndarray
 
     def errors(self, response: np.ndarray) -> Errors:
         """Errors of the light, as a camera makes errors of its values of them.
 
         The map and the limb err in light; a camera's matrix takes most of the red from the green and the blue of a
-        deep red Moon, and makes their errors several times as large.
+        deep red Moon, and makes the errors of their colour several times as large.
 
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         """
         response = np.where(self.usable[..., None], response, 0.0)
         rank = self.smooth.shape[1]
+        alike = response.sum(axis=2)
         blocks = [
-            (by[..., None] * self.smooth[:, None]).reshape(-1, rank)
-            for by in (response.sum(axis=2), *np.moveaxis(response, 2, 0))
+            (by[..., None] * self.smooth[:, None]).reshape(-1, rank) for by in (alike, *np.moveaxis(response, 2, 0))
         ]
-        sigma = np.sqrt(self.noise**2 + np.square(self.light[:, None]) * np.square(response).sum(axis=2))
-        return Errors(sigma.ravel(), np.concatenate(blocks, axis=1), rank)
+        # What the modes leave of the smooth errors' variance is as good as independent from cell to cell.
+        left = np.maximum(1.0 - np.sum(self.smooth**2, axis=1), 0.0) * self.on_disc
+        relief = np.sqrt(self.relief**2 + COMMON**2 * left)[:, None] * alike
+        tint = (TINT**2 + CHROMATIC**2 * left)[:, None, None]
+        cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
+        cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
+        return Errors(cells, np.concatenate([*blocks, self.black], axis=1), rank, self.black.shape[1])

@@ -34,7 +34,7 @@ def fitted_errors(
     - `neighbours`: numbers of the cells around each cell, itself among them (cell, neighbour).
     """
     used = usable > 0
-    local = _local(misfit, used, neighbours)
+    local = local_misfit(misfit, used, neighbours)
     for _ in range(ROUNDS):
         errors = _amplitudes(errors, misfit, slopes, used)
         excess = local / (errors.independent * errors.sigma)
@@ -44,12 +44,12 @@ def fitted_errors(
 
 def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
     """The most probable s, a and c with the weights as they are."""
-    scale = (errors.sigma * np.sqrt(errors.outlying))[used]
     rank = errors.modes.shape[1]
-    columns = np.concatenate([errors.modes[used], slopes[used], misfit[used, None]], axis=1) / scale[:, None]
+    columns = np.concatenate([errors.modes, slopes, misfit[:, None]], axis=1) * used[:, None]
+    columns = replace(errors, independent=1.0).alone(columns)
     gram = columns.T @ columns
     modes, rest = slice(0, rank), slice(rank, None)
-    group = np.where(np.arange(rank) < errors.common, 1, 2)
+    group = errors.kinds
     count = int(used.sum())
 
     def cost(log_amplitude):
@@ -73,7 +73,7 @@ def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
     return replace(errors, independent=float(independent), smooth=float(smooth), chromatic=float(chromatic))
 
 
-def _local(misfit, used, neighbours) -> np.ndarray:
+def local_misfit(misfit, used, neighbours) -> np.ndarray:
     """Misfits against the median of their neighbours' (datum,): no failure of the model as a whole is in them."""
     cells = np.where(used, misfit, np.nan).reshape(len(neighbours), -1)
     around = cells[neighbours]  # (cell, neighbour, channel)

@@ -1,10 +1,8 @@
-"""The best of several optima, each with the errors that a photograph has there.
+"""The best of the optima that several starts lead to, with errors as large as the photographs say.
 
-Errors are those of the light, and a camera makes errors of its values of them: their covariance hangs on what is
-fitted. It stands still in a descent, for the size of the errors is not known so well that thousands of cells may tell
-a tone curve by it; and so descents and errors take turns. That leads to several ends, some of them where errors are
-large and every misfit is small against them. The best end is the one where the photographs are most probable, the
-determinant of the covariance counted: among ends that differ by hundreds, its coarse knowledge is enough.
+Errors are the same for every limb and camera (`inverse.assumed_camera`), so that ends can be compared by their cost.
+They once were those of the camera that was fitted: descents then led to ends where errors are large and every misfit
+is small against them, and of eight hard photographs two were explained by the wrong one.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +13,7 @@ import numpy as np
 from eclipsejax.errors import InputError
 from inverse import prior
 from inverse.likelihood import Likelihood
-from inverse.map_estimate import Optimum, descend, quadratic
+from inverse.map_estimate import Optimum, descend
 from inverse.noise_fit import fitted_errors
 
 # z of some quantities: high clouds in cold air and low ones in warm look alike.
@@ -23,7 +21,7 @@ STARTED = ("clouds.top", "dust.extinction", "air.surface_temperature")
 STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2))
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
 ROUGH = 1e-3  # relative change of the cost at which descents end that are only compared
-ROUGH_TURNS, TURNS = 2, 3  # of descents and errors, from each start and from the best
+TURNS = 2  # of errors and descents from the best
 STAGES = len(STARTS) + TURNS
 
 
@@ -39,15 +37,13 @@ def best(
     for number, start in enumerate(starts(likelihood), 1):
         ends.append(roughly(likelihood, start))
         report(number)
-    costs = tuple(improbability(*end) for end in ends)
-    if not np.isfinite(min(costs)):
+    optimum = min(ends, key=lambda end: end.cost)
+    if not np.isfinite(optimum.cost):
         raise InputError(
             "No limb and no camera gives these photographs a finite probability: check that they show this eclipse."
         )
-    lost = sum(optimum.not_finite for _, optimum in ends)
-    likelihood, optimum = ends[int(np.argmin(costs))]
+    lost = sum(end.not_finite for end in ends)
     for number in range(TURNS):
-        likelihood = likelihood.carried(optimum.z)
         each = zip(
             likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.observed, neighbours, strict=True
         )
@@ -58,7 +54,7 @@ def best(
         optimum = descend(likelihood, optimum.z)
         lost += optimum.not_finite
         report(len(STARTS) + number + 1)
-    return replace(optimum, costs=costs, not_finite=lost), likelihood
+    return replace(optimum, costs=tuple(end.cost for end in ends), not_finite=lost), likelihood
 
 
 def starts(likelihood: Likelihood) -> list[np.ndarray]:
@@ -69,21 +65,9 @@ def starts(likelihood: Likelihood) -> list[np.ndarray]:
     return list(found)
 
 
-def roughly(likelihood: Likelihood, z: np.ndarray) -> tuple[Likelihood, Optimum]:
-    """Near the end that a start leads to; only how bright the picture is moves at first, which its errors hang on."""
+def roughly(likelihood: Likelihood, z: np.ndarray) -> Optimum:
+    """Near the end that a start leads to; only how bright the picture is moves at first."""
     bright = np.array([i for i, parameter in enumerate(likelihood.parameters) if parameter.name in BRIGHTNESS])
-    lost, optimum = 0, None
-    for free in [bright] * ROUGH_TURNS + [None] * ROUGH_TURNS:
-        likelihood = likelihood.carried(z)
-        optimum = descend(likelihood, z, ROUGH, free)
-        z, lost = optimum.z, lost + optimum.not_finite
-    assert optimum is not None
-    return likelihood, replace(optimum, not_finite=lost)
-
-
-def improbability(likelihood: Likelihood, optimum: Optimum) -> float:
-    """Minus twice the log posterior at an optimum with the errors there, up to a constant; infinite where not known."""
-    if not np.isfinite(optimum.cost):
-        return np.inf
-    there = likelihood.carried(optimum.z)
-    return quadratic(there, optimum.z).cost + sum(errors.log_determinant for errors in there.errors)
+    first = descend(likelihood, z, ROUGH, bright)
+    optimum = descend(likelihood, first.z, ROUGH)
+    return replace(optimum, not_finite=first.not_finite + optimum.not_finite)

@@ -145,21 +145,17 @@ def test_dust_is_away_from_zero_where_its_interval_leaves_the_priors_end():
 
 
 @dataclass(frozen=True)
-class Carried:
+class Erring:
     """What a beginning wants of a `Likelihood`."""
 
     errors: tuple
-    carried_at: np.ndarray
-
-    def carried(self, z):
-        return replace(self, carried_at=z)
 
 
 def test_a_beginning_comes_back_from_numbers():
     optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2)
-    before = Errors(np.ones(4), np.ones((4, 2)), 1)
+    before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
-    prepared, found = Carried((before,), np.zeros(3)), Carried((fitted,), np.ones(3))
+    prepared, found = Erring((before,)), Erring((fitted,))
     for draws in (None, 0, 640):
         numbers = {name: np.asarray(value) for name, value in beginning(optimum, found, draws).items()}
         same, likelihood, given = begun(numbers, prepared)
@@ -167,6 +163,5 @@ def test_a_beginning_comes_back_from_numbers():
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
         assert same.not_finite == 2
-        assert np.array_equal(likelihood.carried_at, found.carried_at)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
         assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

@@ -77,7 +77,7 @@ def photograph(seed=0, count=300, error=1.0, patchy=1.0):
     place = np.arange(LIMB, COUNT)
     slopes = random.standard_normal((count, COUNT))
     wave = np.cos(np.pi * np.arange(8) * (np.arange(count)[:, None] + 0.5) / count)
-    errors = noise.Errors(np.full(count, 0.5), wave, 6, smooth=1.5, chromatic=1.0)
+    errors = noise.Errors(np.full((count, 1, 1), 0.25), wave, 6, smooth=1.5, chromatic=1.0)
     drawn = error * 0.5 * random.standard_normal(count) + patchy * (wave * errors.amplitudes) @ random.standard_normal(
         8
     )

@@ -41,7 +41,7 @@ def likelihood():
     random = np.random.default_rng(0)
     counts = (40, 30)
     slopes = [random.standard_normal((n, LIMB + len(place))) for n, place in zip(counts, PLACES, strict=True)]
-    errors = [noise.Errors(random.uniform(0.5, 2.0, n), random.standard_normal((n, 3)), 2) for n in counts]
+    errors = [noise.Errors(random.uniform(0.5, 2.0, (n, 1, 1)) ** 2, random.standard_normal((n, 3)), 2) for n in counts]
     return Straight(slopes, [random.standard_normal(n) for n in counts], errors)
 
 

@@ -2,26 +2,27 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from inverse import noise
 
 
 def test_whitened_residuals_have_the_mahalanobis_norm():
     random = np.random.default_rng(0)
-    sigma, low_rank = random.uniform(0.5, 2.0, 40), random.standard_normal((40, 6))
-    residual = random.standard_normal(40)
-    covariance = np.diag(sigma**2) + low_rank @ low_rank.T
-    whitened = noise.whitener(sigma, low_rank)(residual)
+    roots = np.eye(4) + 0.3 * np.tri(4) * random.uniform(size=(10, 4, 4))
+    low_rank, residual = random.standard_normal((40, 6)), random.standard_normal(40)
+    covariance = np.asarray(block_diag(*(roots @ np.swapaxes(roots, 1, 2)))) + low_rank @ low_rank.T
+    whitened = noise.whitener(noise.Alone(np.linalg.inv(roots)), low_rank)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-10)
 
 
 def test_a_repeated_column_does_no_harm():
     random = np.random.default_rng(1)
-    sigma, column = np.ones(20), random.standard_normal((20, 1))
+    alone, column = noise.Alone(np.ones((20, 1, 1))), random.standard_normal((20, 1))
     twice = np.concatenate([column, column, np.zeros((20, 1))], axis=1)
     residual = random.standard_normal(20)
     covariance = np.eye(20) + twice @ twice.T
-    whitened = noise.whitener(sigma, twice)(residual)
+    whitened = noise.whitener(alone, twice)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-8)
 
 
@@ -45,10 +46,13 @@ def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     assert np.linalg.eigvalsh(left).min() > -1e-9
 
 
-def grey_sources(sigma, modes):
-    """Errors of pixels, and smooth ones of the light."""
+def sources(sigma, modes, *, relief=0.0, usable=True):
+    """Errors of pixels, and smooth ones of the light; the modes leave nothing."""
     cells = len(modes)
-    return noise.Sources(np.full((cells, 3), sigma), np.zeros(cells), modes, np.full((cells, 3), True))
+    usable = np.broadcast_to(usable, (cells, 3))
+    return noise.Sources(
+        np.full((cells, 3), sigma), np.full(cells, relief), modes, np.zeros((3 * cells, 0)), usable, np.zeros(cells)
+    )  # fmt: skip
 
 
 def test_a_colour_matrix_mixes_the_errors_of_the_light():
@@ -56,16 +60,16 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     cells, modes = len(position), noise.smooth_modes(position, offset)
     matrix = np.array([[1.2, -0.3, 0.1], [0.0, 1.5, -0.5], [-1.0, -0.4, 2.4]])
     usable = np.random.default_rng(2).uniform(size=(cells, 3)) > 0.1
-    sources = noise.Sources(np.full((cells, 3), 0.02), np.full(cells, 0.05), modes, usable)
-    errors = sources.errors(np.broadcast_to(matrix, (cells, 3, 3)))
+    errors = sources(0.02, modes, relief=0.05, usable=usable).errors(np.broadcast_to(matrix, (cells, 3, 3)))
     scaled = errors.modes * errors.amplitudes
     mixed = noise.COMMON**2 * np.outer(matrix.sum(axis=1), matrix.sum(axis=1)) + noise.CHROMATIC**2 * matrix @ matrix.T
     wanted = np.einsum("ij,kl->ikjl", modes @ modes.T, mixed).reshape(3 * cells, 3 * cells)
     used = usable.ravel()
     np.testing.assert_allclose((scaled @ scaled.T)[np.ix_(used, used)], wanted[np.ix_(used, used)], atol=1e-12)
-    sigma = np.sqrt(0.02**2 + 0.05**2 * np.sum(matrix**2, axis=1))
-    np.testing.assert_allclose(errors.scale.reshape(cells, 3)[usable], np.broadcast_to(sigma, (cells, 3))[usable])
-    assert not scaled[~used].any() and np.all(errors.scale[~used] == 0.02)
+    alike = matrix.sum(axis=1)
+    of_cell = 0.02**2 * np.eye(3) + 0.05**2 * np.outer(alike, alike) + noise.TINT**2 * matrix @ matrix.T
+    assert np.allclose(errors.cells[usable.all(axis=1)], of_cell, rtol=1e-12)
+    assert not scaled[~used].any() and np.allclose(errors.scale[~used], 0.02)
 
 
 def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
@@ -74,7 +78,7 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     around = 1.3 * np.stack([np.cos(np.arange(20)), np.sin(np.arange(20))], axis=1)
     position, offset = np.concatenate([position, around]), np.concatenate([offset, np.zeros(20)])
     modes = noise.modes_of(position, offset, on_disc)
-    errors = grey_sources(0.05, modes).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
+    errors = sources(0.05, modes).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
     smooth = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
     together = smooth[~on_disc, 0] @ smooth[~on_disc, 1].T
     assert np.sqrt(np.diag(together).min()) >= noise.SKY and together.mean() == pytest.approx(noise.SKY**2, rel=0.1)
@@ -84,9 +88,41 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     np.testing.assert_allclose(both, noise.COMMON**2 * variance)
     np.testing.assert_allclose(red, (noise.COMMON**2 + noise.CHROMATIC**2) * variance)
     residual = np.random.default_rng(1).standard_normal(3 * on_disc.size)
-    covariance = np.diag(errors.scale**2) + smooth.reshape(residual.size, -1) @ smooth.reshape(residual.size, -1).T
+    flat = smooth.reshape(residual.size, -1)
+    covariance = np.asarray(block_diag(*errors.cells)) + flat @ flat.T
     expected = residual @ np.linalg.solve(covariance, residual)
     assert np.sum(errors.whitener(residual) ** 2) == pytest.approx(expected, rel=1e-9)
     alone = errors.without_smooth()
     np.testing.assert_allclose(alone.scale**2, np.diag(covariance))
     np.testing.assert_allclose(alone.whitener(residual), residual / alone.scale, rtol=1e-6)
+
+
+def test_what_the_modes_leave_is_independent():
+    """Of every cell on the disc the smooth errors have their whole variance, and none of those of the sky."""
+    position, offset = disc(30)
+    on_disc = np.arange(len(position)) < len(position) - 10
+    modes = noise.smooth_modes(position, offset) * on_disc[:, None]
+    cells, usable = len(modes), np.full((len(modes), 3), True)
+    every = noise.Sources(
+        np.full((cells, 3), 0.01), np.zeros(cells), modes, np.zeros((3 * cells, 0)), usable, on_disc
+    ).errors(np.broadcast_to(np.eye(3), (cells, 3, 3)))  # fmt: skip
+    both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
+        (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
+    )
+    whole = noise.COMMON**2 + noise.CHROMATIC**2 + noise.TINT**2 + 0.01**2
+    np.testing.assert_allclose(both[on_disc], whole, rtol=1e-6)
+    np.testing.assert_allclose(both[~on_disc], noise.TINT**2 + 0.01**2, rtol=1e-6)
+
+
+def test_errors_near_black_are_those_of_a_curve_for_each_channel():
+    value = np.random.default_rng(5).uniform(0.0, 0.4, (200, 3))
+    value[:50] *= 0.01
+    usable = np.random.default_rng(6).uniform(size=value.shape) > 0.1
+    modes = noise.black_modes(value, 0.004, usable).reshape(*value.shape, -1)
+    variance = np.sum(modes**2, axis=-1)
+    assert not variance[~usable].any() and not np.any(np.sum(modes[:, 0] * modes[:, 1], axis=1))
+    wanted = noise.BLACK / (value + 0.004)
+    share = variance[usable] / wanted[usable] ** 2
+    assert share.min() > 0.5 and share.max() < 1.05  # a few modes hold most of it
+    dark, light = wanted > 0.1, wanted < 0.004
+    assert np.sqrt(variance[dark & usable].max()) > 0.1 and np.sqrt(variance[light & usable].max()) < 0.005

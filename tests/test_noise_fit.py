@@ -7,21 +7,22 @@ import pytest
 
 from inverse import noise
 from inverse.noise_fit import fitted_errors
-from tests.test_noise import disc, grey_sources
+from tests.test_noise import disc, sources
 
 
 @pytest.fixture(scope="module")
 def before():
     position, offset = disc(30)
-    sources = grey_sources(0.05, noise.smooth_modes(position, offset))
-    errors = sources.errors(np.broadcast_to(np.eye(3), (len(position), 3, 3)))
+    response = np.broadcast_to(np.eye(3), (len(position), 3, 3))
+    errors = sources(0.05, noise.smooth_modes(position, offset)).errors(response)
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     return errors, np.argsort(apart, axis=1)[:, :9]
 
 
 def drawn(errors, random):
     smooth = errors.modes * errors.amplitudes
-    return errors.scale * random.standard_normal(errors.sigma.size) + smooth @ random.standard_normal(smooth.shape[1])
+    alone = np.linalg.solve(errors.alone.roots, random.standard_normal((len(errors.cells), 3, 1))).ravel()
+    return alone + smooth @ random.standard_normal(smooth.shape[1])
 
 
 def fitted(before, misfit, slopes=None):

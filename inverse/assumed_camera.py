@@ -1,0 +1,45 @@
+"""What a photograph's values say of the light, were its camera the one assumed beforehand.
+
+How errors of the light become errors of values hangs on the camera: its contrast, and how much of the red its matrix
+takes from the blue. If it hung on the camera that is fitted, errors would be part of what is fitted: an end where they
+are large makes every misfit small, and the determinant that should pay for it counts thousands of cells whose errors
+are known to no better than a fifth. So they are those that the camera at the middle of its prior makes of the
+photograph as it is, the same for every limb; how large they are is fitted (`inverse.noise_fit`).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from inverse import prior
+from inverse.photo_model import colour_matrix, developed, log_value
+
+BRIGHTEST = 0.98  # full scale: beyond, the curve is too flat to be followed backwards
+LEAST = 0.03  # of the brightest channel: of what a matrix makes less, it made an unknown amount
+RAMP = np.geomspace(1e-7, 4.0, 4000)
+
+
+def response(model, value: np.ndarray) -> np.ndarray:
+    """Change of the log values of cells by the log light of each channel (cell, value, light).
+
+    - `model`: a `PhotoModel` or `ProfileModel`; `value`: decoded (cell, 3) [full scale].
+    """
+    camera = eqx.tree_at(lambda model: model.gain, model, jnp.zeros_like(model.gain))
+    nuisance = prior.values(camera.parameters, jnp.zeros(len(camera.parameters)))
+    light = jnp.asarray(_light(camera, nuisance, value))
+
+    def shown(by):
+        return log_value(camera, developed(camera, light * jnp.exp(by), nuisance))
+
+    return np.asarray(jax.jacfwd(shown)(jnp.zeros(3)))
+
+
+def _light(camera, nuisance, value: np.ndarray) -> np.ndarray:
+    """Light of which this camera makes values, both (cell, 3)."""
+    if camera.tone_curve == "linear":
+        return np.maximum(value, RAMP[0])
+    curve = np.asarray(developed(camera, jnp.asarray(RAMP)[:, None] * jnp.ones(3), nuisance))
+    mixed = [np.interp(np.minimum(value[:, channel], BRIGHTEST), curve[:, channel], RAMP) for channel in range(3)]
+    light = np.linalg.solve(np.asarray(camera.primaries @ colour_matrix(nuisance)), np.array(mixed)).T
+    return np.maximum(light, LEAST * light.max(axis=1, keepdims=True))

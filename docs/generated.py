@@ -40,6 +40,6 @@ def _help(command: str) -> str:
         capture_output=True,
         text=True,
         check=True,
-        env={**os.environ, "COLUMNS": "100"},
+        env={**os.environ, "COLUMNS": "74"},  # what a page holds without scrolling
     )
     return f"```text\n{done.stdout.strip().replace('cli.py', command)}\n```"

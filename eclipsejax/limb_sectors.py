@@ -29,6 +29,10 @@ SHAPE_SECTORS = 16  # of a flattened Earth with the same air all around
 def along_limb(atmospheres) -> Atmosphere:
     """One atmosphere with a leading limb axis, from atmospheres with the same parts.
 
+    `render`, `danjon`, `photometer`, `shadow_irradiance` and `scattered_irradiance` take it; what describes a single
+    ray, such as `bending_angle`, takes one of its atmospheres. Textures, films and the umbra's radius are of shadows
+    that are the same all around.
+
     - `atmospheres`: at equally spaced angles along the limb, from north through east (see `LimbShape`); 4 or more.
     """
     atmospheres = list(atmospheres)

@@ -17,7 +17,7 @@ from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.flattened_table import FlattenedTable, flattened_table
 from eclipsejax.limb_sectors import is_lopsided, limb_axes
 from eclipsejax.limb_table import limb_table, ray_breaks
-from eclipsejax.scattered import ring_arcs, ring_azimuths
+from eclipsejax.scattered import arc_shares, ring_arcs
 from eclipsejax.shadow_table import Places, ShadowTable, Tabulator, cubic_weights
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
@@ -90,12 +90,7 @@ def _glow(tabulator, atmosphere, places, angles):
     """Light that the limb scatters, (angle, offset, distance, channel)."""
     arcs = jax.vmap(lambda air: ring_arcs(air, *tabulator.glowing()), in_axes=(limb_axes(atmosphere)[1],))(atmosphere)
     arcs = arcs @ tabulator.weights  # (place, distance, offset, azimuth, channel)
-    # Both halves of the ring as seen from each angle, in units of sectors from each place.
-    azimuth = ring_azimuths()
-    around = np.stack([azimuth, -azimuth])[:, None] + (2.0 * np.pi / angles) * np.arange(angles)[:, None]
-    apart = around[..., None] / (2.0 * np.pi) * places - np.arange(places)
-    apart = np.abs((apart + 0.5 * places) % places - 0.5 * places)
-    share = np.mean(np.maximum(1.0 - apart, 0.0), axis=0) / azimuth.size  # (angle, azimuth, place)
+    share = arc_shares((2.0 * np.pi / angles) * np.arange(angles), places)
     return jnp.einsum("pdokc,akp->aodc", arcs, share)
 
 

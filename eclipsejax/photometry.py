@@ -71,7 +71,7 @@ class Photometer(eqx.Module):
 def danjon(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Brightness:
     """Predicted magnitude and Danjon number of the Moon in a scene, above the observer's air.
 
-    Under `Atmosphere.typical()` five eclipses of 1990-2022 come out to 0.65 mag (`notebooks/brightness_of_eclipses`):
+    Under `Atmosphere.typical()` five eclipses of 1990-2022 come out to 0.6 mag (`notebooks/brightness_of_eclipses`):
     real limbs differ by that much. Direct light only, which matters little to luminance. Differentiable by the
     atmosphere. For many atmospheres prepare the scene once: `photometer(scene)(atmosphere)`.
 

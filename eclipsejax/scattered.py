@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS, MOON_MEAN_DISTANCE
+from eclipsejax.errors import InputError
+from eclipsejax.limb_sectors import limb_axes
 from eclipsejax.limb_table import chebyshev, chebyshev_nodes
 from eclipsejax.scatterers import Scatterers, higher_orders
 from eclipsejax.sun import Sun
@@ -37,6 +39,7 @@ def scattered_irradiance(
     sun: Sun | None = None,
     moon_distance=MOON_MEAN_DISTANCE,
     sun_distance=ASTRONOMICAL_UNIT,
+    position_angle=None,
     scatterers: Scatterers | None = None,
 ) -> Float[Array, "offset wavelength"]:
     """Scattered light as a fraction of unobstructed sunlight [-], to be added to `shadow_irradiance`.
@@ -45,13 +48,17 @@ def scattered_irradiance(
     of 1.06 to 1.12, good to 0.04, for the higher orders (`scatterers.higher_orders`). Clouds: each of the two ways is
     half a grazing ray, so it keeps the square root of `limb_transmission` at its lowest point.
 
+    - `atmosphere`: with a leading limb axis (`limb_sectors.along_limb`) it differs along the limb.
     - `offset`: angle at the Earth's centre between the point and the shadow's axis, shape (offset,) [rad].
     - `wavelength`: shape (wavelength,) [nm].
     - `moon_distance`: distance of the point itself from the Earth's centre, scalar or shape (offset,) [m].
     - `sun_distance`: from the Earth's centre [m].
+    - `position_angle`: of the point about the axis, as in `shadow_irradiance`; only a limb that differs needs it.
     - `scatterers`: optical properties of dust and haze.
     """
     offset = jnp.atleast_1d(real(offset))
+    if limb_axes(atmosphere)[0] and position_angle is None:
+        raise InputError("This limb is not the same all around: give `position_angle` [rad] for each offset.")
     return _scattered(
         atmosphere,
         Scatterers() if scatterers is None else scatterers,
@@ -60,14 +67,19 @@ def scattered_irradiance(
         jnp.broadcast_to(real(moon_distance), offset.shape),
         real(sun_distance),
         jnp.atleast_1d(real(wavelength)),
+        jnp.broadcast_to(real(0.0 if position_angle is None else position_angle), offset.shape),
     )
 
 
 @eqx.filter_jit
-def _scattered(atmosphere, scatterers, sun, offset, distance, sun_distance, wavelength):
+def _scattered(atmosphere, scatterers, sun, offset, distance, sun_distance, wavelength, position_angle):
     darkening = jax.vmap(sun.limb_darkening_coefficients)(wavelength)
-    disc = sun.radius / sun_distance
-    return ring_glow(atmosphere, scatterers, offset, distance, sun_distance, disc, darkening, wavelength)
+    view = offset, distance, sun_distance, sun.radius / sun_distance, darkening, wavelength
+    places, axes = limb_axes(atmosphere)
+    if not places:
+        return ring_glow(atmosphere, scatterers, *view)
+    arcs = jax.vmap(lambda air: ring_arcs(air, scatterers, *view), in_axes=(axes,))(atmosphere)
+    return jnp.einsum("pokw,okp->ow", arcs, arc_shares(position_angle, places))
 
 
 def ring_glow(*scene) -> Float[Array, "... wavelength"]:
@@ -78,6 +90,18 @@ def ring_glow(*scene) -> Float[Array, "... wavelength"]:
 def ring_azimuths() -> np.ndarray:
     """Of the arcs of `ring_arcs`, from the side where the Sun stands; on the other half of the ring the same [rad]."""
     return np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+
+
+def arc_shares(angle: Float[Array, "..."], places: int) -> Float[Array, "... azimuth place"]:
+    """Share of the ring that each arc of `ring_arcs` has with the air of each of equally spaced places.
+
+    - `angle`: of the point about the axis, on whose side the Sun stands [rad].
+    """
+    both = jnp.stack([ring_azimuths(), -ring_azimuths()])  # halves of the ring
+    around = jnp.asarray(angle)[..., None, None] + both
+    apart = around[..., None] / (2.0 * np.pi) * places - np.arange(places)
+    apart = jnp.abs((apart + 0.5 * places) % places - 0.5 * places)
+    return jnp.mean(jnp.maximum(1.0 - apart, 0.0), axis=-3) / _AZIMUTHS
 
 
 def ring_arcs(

@@ -55,7 +55,7 @@ def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, 
 def scattered_light() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Dust [1/m] (level,), wavelength [nm] and light scattered into the umbra, of sunlight (level, wavelength).
 
-    From `eclipsejax/tables/make_scattered_light.py`; to 3 % from the axis to 40'.
+    From `eclipsejax/tables/make_scattered_light.py`; to 5 % from the axis to 40' under dust of 4e-6 /m.
     """
     text = (files("eclipsejax") / "tables" / "scattered_light.csv").read_text().splitlines()
     rows = [line.split(",") for line in text if not line.startswith("#")]

@@ -46,6 +46,11 @@ def listed(capsys, *arguments):
     return capsys.readouterr().out.splitlines()
 
 
+def test_a_year_alone_is_listed_to_its_end(capsys):
+    for year, next_year in (("2008", "2009"), ("-1000", "-999"), ("2998", "2999"), ("-1", "0")):
+        assert listed(capsys, year) == listed(capsys, year, next_year)
+
+
 def test_eclipses_of_a_year_have_their_kind_magnitudes_and_contacts(capsys):
     heading, may, november = listed(capsys, "2022", "2023")
     assert heading.split()[-6:] == ["P1", "U1", "U2", "U3", "U4", "P4"]
@@ -110,6 +115,7 @@ def test_chart_prints_where_the_moon_stands_and_draws_it(capsys, tmp_path):
     assert cli.main(["chart", "2025-09-07"]) == 0
     assert capsys.readouterr().out.splitlines()[2].split()[2:4] == ["-", "-"]  # no horizon at the Earth's centre
     check_refused(capsys, ["chart", "2008-02-25"], "no lunar eclipse", "2008-02-21")
+    check_refused(capsys, ["chart", "2008-02-21", "--site", "91,0"], "latitude")
     check_refused(capsys, ["chart", "2008-02-21", "-o", str(tmp_path / "chart.pdf")], "format")
 
 
@@ -175,6 +181,8 @@ def test_places_that_cannot_be_written_are_refused_before_the_work(capsys, tmp_p
 
 def test_dates_that_cannot_be_listed_are_refused_in_one_sentence(capsys):
     check_refused(capsys, ["list", "2030", "2000"], "later than")
+    check_refused(capsys, ["list", "2030", "2030"], "leave it out")
+    check_refused(capsys, ["list", "2030-01-01"], "STOP is missing")
     check_refused(capsys, ["list", "2022-02-30", "2023"], "no such date")
     check_refused(capsys, ["list", "3000", "3010"], "-1000 to 2998")
     check_refused(capsys, ["list", "2022", "2023", "--kind", "annular"], "annular")

@@ -9,7 +9,9 @@ from scipy.integrate import quad
 from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
 from eclipsejax.constants import ASTRONOMICAL_UNIT, EARTH_RADIUS
+from eclipsejax.errors import InputError
 from eclipsejax.limb import bending_angle, medium, optical_depth
+from eclipsejax.limb_sectors import along_limb
 from eclipsejax.scattered import scattered_irradiance, sun_spread
 from eclipsejax.scatterers import Scatterers, higher_orders, rayleigh_forward
 from eclipsejax.shadow import shadow_irradiance
@@ -228,6 +230,46 @@ def test_derivatives_are_central_differences():
         difference = (light(flat + step * unit) - light(flat - step * unit)) / (2.0 * step)
         scale = float(jnp.max(jnp.abs(difference)))
         np.testing.assert_allclose(found, difference, rtol=1e-4, atol=1e-4 * scale, err_msg=str(i))
+
+
+# A limb that differs
+
+NORTHERN_DUST = along_limb([eqx.tree_at(lambda a: a.dust.extinction, RICH, x) for x in (9e-6, 3e-6, 3e-6, 3e-6)])
+
+
+def around(atmosphere, angles):
+    """At one offset and all position angles, (angle, wavelength)."""
+    where = {"position_angle": np.asarray(angles), "scatterers": ONCE}
+    return np.asarray(scattered_irradiance(atmosphere, np.full(len(angles), 6e-3), WAVELENGTHS, **where))
+
+
+def test_the_same_air_all_around_scatters_as_the_symmetric_limb_does():
+    angles = [0.0, 1.0, 4.0]
+    np.testing.assert_allclose(around(along_limb([RICH] * 4), angles), around(RICH, angles), rtol=1e-12)
+
+
+def test_a_limb_scatters_what_its_parts_do():
+    # The mean over all position angles sees each part from everywhere: a quarter of the ring is dusty.
+    angles = 2.0 * np.pi * np.arange(16) / 16
+    dusty = eqx.tree_at(lambda a: a.dust.extinction, RICH, 9e-6)
+    mean = around(NORTHERN_DUST, angles).mean(axis=0)
+    parts = around(dusty, angles)[0], around(RICH, angles)[0]
+    np.testing.assert_allclose(mean, 0.25 * parts[0] + 0.75 * parts[1], rtol=1e-9)
+    assert np.abs(parts[0] / parts[1] - 1.0).min() > 0.05  # or the mean would say nothing
+
+
+def test_the_dusty_side_of_the_limb_is_seen_best_from_its_own_side():
+    # There the Sun stands least deep behind it; east and west are mirror images.
+    north, east, south, west = around(NORTHERN_DUST, 0.5 * np.pi * np.arange(4))
+    dusty = eqx.tree_at(lambda a: a.dust.extinction, RICH, 9e-6)
+    nearer, farther = north - south, around(dusty, [0.0])[0] - around(RICH, [0.0])[0]
+    np.testing.assert_array_equal(np.sign(nearer), np.sign(farther))
+    np.testing.assert_allclose(east, west, rtol=1e-12)
+
+
+def test_a_limb_that_differs_needs_a_position_angle():
+    with pytest.raises(InputError, match="position_angle"):
+        scattered_irradiance(NORTHERN_DUST, OFFSETS, WAVELENGTHS)
 
 
 # The switch

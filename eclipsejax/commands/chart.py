@@ -44,6 +44,7 @@ def _chart(options: Namespace) -> None:
     from eclipsejax.ephemeris import geometry
 
     site = options.site or ()
+    geometry(eclipse.greatest, *site)  # refuses what is no site, before anything is printed
     print(
         f"{eclipse.kind}, umbral magnitude {eclipse.umbral_magnitude:.3f}, "
         f"penumbral {eclipse.penumbral_magnitude:.3f}, gamma {eclipse.gamma:.3f}"

@@ -5,8 +5,10 @@ from argparse import Namespace
 
 from eclipsejax import session
 from eclipsejax.commands.options import SITE
+from eclipsejax.errors import InputError
 
 KINDS = ("total", "partial", "penumbral")
+YEAR = r"[+-]?\d{1,4}"
 
 
 def add_to(commands) -> None:
@@ -22,7 +24,7 @@ def add_to(commands) -> None:
     command.set_defaults(action=_list)
     add = command.add_argument
     add("start", metavar="START", help="year (2000, -584), date or time")
-    add("stop", metavar="STOP", help="the same; not included")
+    add("stop", metavar="STOP", nargs="?", help="the same; not included. Without it, the year START is listed")
     add("--site", type=session.site, metavar=SITE, help="add the altitude of the Moon there")
     add("--kind", choices=KINDS, help="only eclipses of this kind")
 
@@ -30,7 +32,9 @@ def add_to(commands) -> None:
 def _list(options: Namespace) -> None:
     from eclipsejax.almanac import CONTACTS, eclipses
 
-    start, stop = _date(options.start), _date(options.stop)
+    start, stop = _date(options.start), _date(options.stop or _next_year(options.start))
+    if start == stop:
+        raise InputError(f"START and STOP are both {start}, and STOP is not included: leave it out for the whole year.")
     found = [eclipse for eclipse in eclipses(start, stop) if options.kind in (None, eclipse.kind)]
     if not found:
         print(f"No {options.kind or 'lunar'} eclipse from {start} until before {stop}.")
@@ -65,7 +69,13 @@ def _altitudes(eclipse, site: tuple[float, ...]) -> dict[str, str]:
 def _date(text: str) -> str:
     """A bare year means its first day."""
     text = text.strip()
-    if not re.fullmatch(r"[+-]?\d{1,4}", text):
+    if not re.fullmatch(YEAR, text):
         return text
     year = int(text)
     return f"{'-' if year < 0 else ''}{abs(year):04d}-01-01"
+
+
+def _next_year(text: str) -> str:
+    if not re.fullmatch(YEAR, text.strip()):
+        raise InputError(f"STOP is missing: after {text!r}, which is no year, give the date before which to end.")
+    return str(int(text) + 1)

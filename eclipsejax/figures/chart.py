@@ -84,7 +84,8 @@ def _moons(panel, eclipse: Eclipse, names, centres, radius: float, site) -> None
         panel.plot(centre[0] + radius * np.cos(turn), centre[1] + radius * np.sin(turn), style, color=INK,
                    linewidth=1.2 if name == "greatest" else 0.9, zorder=5)  # fmt: skip
         side = 1.0 if name in ("P1", "U2", "U3", "P4") else -1.0
-        x, y = centre + side * 1.12 * radius * across
+        clear = 1.35 if name == "greatest" else 1.12  # of the circles beside it
+        x, y = centre + side * clear * radius * across
         ha = "center" if name not in ("U2", "U3") else ("left" if centre[0] < middle[0] else "right")
         panel.text(x, y, f"{name}\n{utc[-9:-1]}", color=GOLD if name == "greatest" else BLUE, fontsize=8.5, ha=ha,
                    va="bottom" if side > 0 else "top", zorder=6)  # fmt: skip

@@ -56,7 +56,7 @@ def sun_plate(size: int = 320) -> Plate:
     for name, (label, colour) in SPECTRA.items():
         spectra.plot(wavelength, light[name], color=colour, label=label, linewidth=1.2)
     spectra.set(title=f"sunlight at 1 au, in {MANY} bins of 2 nm", xlabel="wavelength  [nm]", xlim=ENDS)
-    spectra.set(ylabel="[W m$^{-2}$ nm$^{-1}$]", ylim=(0.9, 2.35))
+    spectra.set(ylabel="[W m$^{-2}$ nm$^{-1}$]", ylim=(0.5, 2.35))
     spectra.legend(loc="upper right")
     curves = plate.add_axes((0.06, 0.09, 0.36, 0.36))
     radius = np.linspace(0.0, 1.0, 301)

@@ -462,6 +462,14 @@ def test_what_failed_is_done_again_only_on_request(tmp_path):
     assert [row["status"] for row in made(tmp_path)] == ["ok", "failed", "ok"]
 
 
+def test_a_reason_names_no_file_since_copies_share_it(tmp_path):
+    put(tmp_path, "a\nmoon.jpg", what="name")
+    fakes.photograph(tmp_path / "photographs" / "b.jpg", "name", 0, "a\nmoon.jpg")
+    first, second = (row for row in made(tmp_path) if row["kind"] == "photograph")
+    assert first["key"] == second["key"] and second["source"] == "b.jpg"
+    assert first["error"] == second["error"] == "The photograph is no picture of the Moon."
+
+
 def test_an_interrupted_chain_is_gone_on_with_and_a_foreign_one_thrown_away(tmp_path):
     put(tmp_path, "a.jpg", what="chain")
     with pytest.raises(KeyboardInterrupt):

@@ -23,7 +23,7 @@ from inverse.archive.catalogue import listed
 from inverse.archive.maker import make_archive
 from inverse.archive.plot import eruptions, optical_depth_plot, year_of
 from inverse.archive.rows import Task, files_of_a_fit, program, read_row, row_file
-from inverse.archive.tables import COLUMNS
+from inverse.archive.tables import COLUMNS, write_csv
 from tests import archive_fakes as fakes
 from tests import synthetic
 
@@ -360,6 +360,16 @@ def test_rows_of_photographs_and_eclipses(tmp_path):
         row.get("stratospheric_optical_depth_median") for row in rows
     ]
     assert [row["converged"] for row in parquet][:4] == [True, True, True, None]
+
+
+def test_a_spreadsheet_finds_no_formula_and_years_before_christ_stay_dates(tmp_path):
+    date = "-0584-05-28T16:00:00Z"
+    formulae = ("=1+1", "+1", "@SUM(A1)", "-2+3", "-0584-05-28+cmd()", " =1", "\t-1")
+    write_csv(tmp_path, [{"kind": "photograph", "utc": date, "eclipse": date[:11], "notes": one} for one in formulae])
+    with (tmp_path / "archive.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["utc"], row["eclipse"]) for row in rows} == {(date, date[:11])}
+    assert [row["notes"] for row in rows] == [f"'{one.strip()}" for one in formulae]
 
 
 def test_a_limit_is_told_and_a_fit_that_did_not_converge_is_not_used_for_its_eclipse(tmp_path):

@@ -390,6 +390,9 @@ def test_of_many_photographs_some_are_fitted_together_evenly_and_copies_count_on
     assert len(photographs) == 10 and photographs[0]["key"] == photographs[9]["key"]
     assert eclipse["sha256"].split() == [photographs[n]["sha256"] for n in (0, 4, 8)]
     assert "Of 9 photographs 3 were fitted together" in eclipse["warnings_text"] and eclipse["warnings"] == 2
+    eclipse = make_archive(path, tmp_path / "out", workers=0, fit=fakes.fit, most=1)[-1]
+    assert eclipse["key"] == photographs[0]["key"]
+    assert "Of 9 photographs the first was taken." in eclipse["warnings_text"]
 
 
 def log_lines(folder: Path) -> int:

@@ -19,7 +19,10 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 session.start()
 matplotlib.use("Agg")
 
-LONGEST = ("test_fit", "test_notebooks", "test_shadow_table", "test_render", "test_hard_cases", "test_shadow")
+LONGEST = (
+    "test_fit", "test_notebooks", "test_shadow_table", "test_photometry", "test_scattered", "test_render",
+    "test_hard_cases", "test_shadow",
+)  # fmt: skip
 SHARED = Path(os.environ.get("ECLIPSEJAX_SHARED", Path(__file__).parents[2] / "shared"))
 
 

@@ -4,6 +4,7 @@ import argparse
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -17,20 +18,24 @@ FEW_EMITTERS = "--xla_cpu_use_fusion_emitters=false"
 def start() -> None:
     """Float64, and compiled code kept on disk from one run to the next; before anything is computed.
 
-    In `$XDG_CACHE_HOME/eclipsejax/jax`, else `~/.cache/eclipsejax/jax`; nowhere, if that cannot be written.
+    In `$JAX_COMPILATION_CACHE_DIR`, else `$XDG_CACHE_HOME/eclipsejax/jax`, else `~/.cache/eclipsejax/jax`; nowhere, if
+    that cannot be made.
     """
     one_blas_thread()
     import jax
 
     compile_quickly()
     jax.config.update("jax_enable_x64", True)
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "eclipsejax" / "jax"
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    folder = Path(os.environ.get("JAX_COMPILATION_CACHE_DIR") or caches / "eclipsejax" / "jax").expanduser()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    # One for each program that cannot be kept, or that another process has written half of: it is compiled anew.
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache", UserWarning)
 
 
 def one_blas_thread() -> None:

@@ -46,12 +46,14 @@ def fit(task, chain: Path, resume: bool) -> Fit:
         with (chain.parent / "log").open("a") as log:
             log.write(f"{os.getpid()}\n")
         time.sleep(float(seconds))
-        _do(do, chain)
+        _do(do, chain, path)
         states.add(do)
     return made(task, hashes, "unconverged" not in states, "limit" in states)
 
 
-def _do(what: str, chain: Path):
+def _do(what: str, chain: Path, path: str):
+    if what == "name":
+        raise InputError(f"{path} is no picture of the Moon.")
     if what == "refuse":
         raise InputError("There is no Moon in it: take another.")
     if what == "break":

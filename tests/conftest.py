@@ -1,19 +1,42 @@
-"""Float64 for every test, compiled quickly, and the material that is not committed."""
+"""Every test runs as the commands do: float64, one thread for NumPy, compiled code kept. And material not committed."""
 
+import atexit
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
-import jax
 import matplotlib
 import pytest
 
 from eclipsejax import session
 
-session.compile_quickly()
-jax.config.update("jax_enable_x64", True)
+# What one process of a run has compiled (a worker, a notebook, a command), the others need not; no later run sees it,
+# unless the variable is set.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="eclipsejax-tests-")
+    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+session.start()
 matplotlib.use("Agg")
 
+LONGEST = (
+    "test_fit", "test_notebooks", "test_shadow_table", "test_photometry", "test_scattered", "test_render",
+    "test_hard_cases", "test_shadow",
+)  # fmt: skip
 SHARED = Path(os.environ.get("ECLIPSEJAX_SHARED", Path(__file__).parents[2] / "shared"))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Who does what, where several processes share the work: the tests of a file go to one, notebooks one by one.
+
+    What takes minutes is begun first: begun last, it would keep one process busy and the other waiting.
+    """
+    if config.pluginmanager.hasplugin("xdist"):
+        for item in items:
+            group = item.name if item.path.stem == "test_notebooks" else item.path.stem
+            item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="session")

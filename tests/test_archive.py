@@ -23,7 +23,7 @@ from inverse.archive.catalogue import listed
 from inverse.archive.maker import make_archive
 from inverse.archive.plot import eruptions, optical_depth_plot, year_of
 from inverse.archive.rows import Task, files_of_a_fit, program, read_row, row_file
-from inverse.archive.tables import COLUMNS
+from inverse.archive.tables import COLUMNS, write_csv
 from tests import archive_fakes as fakes
 from tests import synthetic
 
@@ -362,6 +362,16 @@ def test_rows_of_photographs_and_eclipses(tmp_path):
     assert [row["converged"] for row in parquet][:4] == [True, True, True, None]
 
 
+def test_a_spreadsheet_finds_no_formula_and_years_before_christ_stay_dates(tmp_path):
+    date = "-0584-05-28T16:00:00Z"
+    formulae = ("=1+1", "+1", "@SUM(A1)", "-2+3", "-0584-05-28+cmd()", " =1", "\t-1")
+    write_csv(tmp_path, [{"kind": "photograph", "utc": date, "eclipse": date[:11], "notes": one} for one in formulae])
+    with (tmp_path / "archive.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["utc"], row["eclipse"]) for row in rows} == {(date, date[:11])}
+    assert [row["notes"] for row in rows] == [f"'{one.strip()}" for one in formulae]
+
+
 def test_a_limit_is_told_and_a_fit_that_did_not_converge_is_not_used_for_its_eclipse(tmp_path):
     path = catalogue(tmp_path, f"file,utc\nlimit.jpg,{TOTALITY}\nbad.jpg,{TOTALITY}\n")
     put(tmp_path, "limit.jpg", what="limit")
@@ -380,6 +390,9 @@ def test_of_many_photographs_some_are_fitted_together_evenly_and_copies_count_on
     assert len(photographs) == 10 and photographs[0]["key"] == photographs[9]["key"]
     assert eclipse["sha256"].split() == [photographs[n]["sha256"] for n in (0, 4, 8)]
     assert "Of 9 photographs 3 were fitted together" in eclipse["warnings_text"] and eclipse["warnings"] == 2
+    eclipse = make_archive(path, tmp_path / "out", workers=0, fit=fakes.fit, most=1)[-1]
+    assert eclipse["key"] == photographs[0]["key"]
+    assert "Of 9 photographs the first was taken." in eclipse["warnings_text"]
 
 
 def log_lines(folder: Path) -> int:
@@ -460,6 +473,14 @@ def test_what_failed_is_done_again_only_on_request(tmp_path):
     made(tmp_path, retry=True)
     assert log_lines(tmp_path) == count + 1
     assert [row["status"] for row in made(tmp_path)] == ["ok", "failed", "ok"]
+
+
+def test_a_reason_names_no_file_since_copies_share_it(tmp_path):
+    put(tmp_path, "a\nmoon.jpg", what="name")
+    fakes.photograph(tmp_path / "photographs" / "b.jpg", "name", 0, "a\nmoon.jpg")
+    first, second = (row for row in made(tmp_path) if row["kind"] == "photograph")
+    assert first["key"] == second["key"] and second["source"] == "b.jpg"
+    assert first["error"] == second["error"] == "The photograph is no picture of the Moon."
 
 
 def test_an_interrupted_chain_is_gone_on_with_and_a_foreign_one_thrown_away(tmp_path):

@@ -21,16 +21,6 @@ TOTALITY = "2022-05-16T04:11:30Z"
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    """The commands keep compiled code; the tests keep it out of the user's home and leave JAX as it was."""
-    import jax
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp()))
-    yield
-    jax.config.update("jax_compilation_cache_dir", None)
-
-
 def check_refused(capsys, arguments, *words):
     """Exit status 2, nothing on stdout, one sentence on stderr with these words in it."""
     assert cli.main(arguments) == 2

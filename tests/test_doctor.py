@@ -1,7 +1,11 @@
 """`eclipsejax doctor`: facts that a report of a fault needs, and figures that are right or said to be wrong."""
 
+import os
 import re
+import subprocess
+import sys
 
+import jax
 import numpy as np
 import pytest
 
@@ -11,11 +15,18 @@ from eclipsejax.commands import doctor
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
-    import jax
-
+    """A folder of its own, as a user has one who sets nothing else; then that of the tests again."""
+    common = os.environ["JAX_COMPILATION_CACHE_DIR"]
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     yield
-    jax.config.update("jax_compilation_cache_dir", None)
+    jax.config.update("jax_compilation_cache_dir", common)
+
+
+def test_the_folder_that_jax_is_told_of_is_used_before_ours(capsys, quick, tmp_path, monkeypatch):
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "chosen"))
+    assert cli.main(["doctor"]) == 0
+    assert f"{tmp_path}/chosen, writable" in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -58,6 +69,20 @@ def test_a_cache_that_cannot_be_used_is_told(tmp_path):
     assert "cannot be read" in doctor.compile_cache(str(tmp_path / "nowhere"))
     (tmp_path / "broken").touch()
     assert "1 of them EMPTY" in doctor.compile_cache(str(tmp_path))
+
+
+def test_a_cache_that_takes_and_gives_nothing_is_no_flood_of_warnings(tmp_path):
+    program = "from eclipsejax import session; session.start(); import jax; print(jax.jit(lambda x: x + 1)(1.0))"
+
+    def ran(folder):
+        environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(folder), "PYTHONWARNINGS": "always"}
+        return subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+
+    for folder in ("/proc", tmp_path / "whole", tmp_path / "whole"):  # nobody may make a file in the first
+        done = ran(folder)
+        assert done.stdout == "2.0\n" and "persistent compilation cache" not in done.stderr
+        for path in tmp_path.glob("whole/*-cache"):
+            path.write_bytes(b"")  # as a full disk leaves it
 
 
 def test_what_raises_is_a_figure_that_is_wrong(monkeypatch):

@@ -41,16 +41,6 @@ moon.jpg,-0584-05-22T16:00Z,,,,,,,,,
 """
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    """The command keeps compiled code; the tests keep it out of the user's home and leave JAX as it was."""
-    import jax
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp()))
-    yield
-    jax.config.update("jax_compilation_cache_dir", None)
-
-
 def pixels(channels: int = 3, dtype="uint8") -> np.ndarray:
     row, column = np.mgrid[:80, :90]
     disc = 0.8 * (np.hypot(row - 40, column - 45) < 30) + 0.05

@@ -21,7 +21,7 @@ from eclipsejax.render import render
 from eclipsejax.response import LUMINANCE
 from eclipsejax.scene import Scene
 from eclipsejax.sequence import pictured, sequence
-from tests.test_cli import check_refused, own_cache  # noqa: F401
+from tests.test_cli import check_refused
 
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
 

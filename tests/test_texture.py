@@ -16,7 +16,6 @@ from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
 from eclipsejax.texture import colours, place, shadow_texture, three_wavelengths
-from tests.test_cli import own_cache  # noqa: F401
 from tests.test_peers import ARCMIN, CosmoScoutAir, CosmoScoutSun
 
 CHANNELS = three_wavelengths(680.0, 550.0, 440.0)

@@ -37,7 +37,7 @@ def add_to(commands) -> None:
 def _doctor(options: Namespace) -> None:
     session.start()
     for what, fact in facts():
-        print(f"{what:18}{fact}")
+        print(f"{what:18}{fact}", flush=True)
     from eclipsejax.selftest import selftest
 
     print(f"\n{'self-test':38}{'figure':>14}{'got':>14}{'tolerance':>11}", flush=True)
@@ -65,12 +65,13 @@ def facts():
         missing = not all(found for _, found in held)
         told = ", ".join(f"{name} {found or 'missing'}" for name, found in held)
         yield f"extra {extra}", f"{told}{f': pip install {chr(39)}eclipsejax[{extra}]{chr(39)}' if missing else ''}"
+    # Before the devices: XLA ends the process over an option that it does not know.
+    yield "XLA_FLAGS", os.environ.get("XLA_FLAGS", "").strip() or "none"
     try:
         yield "devices", ", ".join(f"{device.device_kind} ({device.platform})" for device in jax.devices())
     except RuntimeError as error:  # no backend can be started
         yield "devices", f"none: {' '.join(str(error).split())}"
     yield "precision", "float64" if jax.config.jax_enable_x64 else "float32"  # pyright: ignore[reportAttributeAccessIssue]
-    yield "XLA_FLAGS", os.environ.get("XLA_FLAGS", "").strip() or "none"
     yield "cores", f"{_cores()} of {os.cpu_count()}"
     yield "memory", memory()
     yield "compile cache", compile_cache(jax.config.jax_compilation_cache_dir)  # pyright: ignore[reportAttributeAccessIssue]

@@ -77,7 +77,8 @@ def together(group: Sequence[Member], most: int) -> tuple[Task | None, str | Non
         return None, None
     remark = None
     if len(tasks) > most:
-        remark = f"Of {len(tasks)} photographs {most} were fitted together, evenly in the order of time."
+        used = "the first was taken" if most == 1 else f"{most} were fitted together, evenly in the order of time"
+        remark = f"Of {len(tasks)} photographs {used}."
         tasks = [tasks[round(k * (len(tasks) - 1) / max(1, most - 1))] for k in range(most)]
     if len(tasks) == 1:
         return next(one.task for one in group if one.content["status"] == OK), remark  # which is done

@@ -111,11 +111,17 @@ def found(fit, task: Task, seconds: float) -> dict[str, Any]:
 
 
 def failed(task: Task, reason: str, seconds: float = 0.0) -> dict[str, Any]:
-    """The content of a row of which nothing came, with the reason in one sentence."""
+    """The content of a row of which nothing came, with the reason in one sentence.
+
+    A row is that of its photographs' bytes: copies, and the file under another name, have it too. So it names no file.
+    """
     times = sorted(time for time in task.times if time)
+    reason = printable(reason)
+    for path in sorted(task.paths, key=len, reverse=True):
+        reason = reason.replace(printable(path), "The photograph")
     return _common(task, seconds) | {
         "status": FAILED,
-        "error": printable(" ".join(reason.split())),
+        "error": " ".join(reason.split()),
         "utc": (times or [None])[0],
     }
 

@@ -6,12 +6,14 @@ vertical; durations s. Intervals are `_low` to `_high`; an `_upper_limit` (97.5 
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from inverse.archive.rows import QUANTITIES, write_whole
 
+_YEAR_BC = re.compile(r"-\d+-\d\d-\d\d(T[\d:.]+Z)?")
 _ENDS = ("median", "sd", "ci68_low", "ci68_high", "ci95_low", "ci95_high", "upper_limit")
 COLUMNS: dict[str, type] = {
     "kind": str,  # photograph, eclipse
@@ -86,4 +88,4 @@ def _plain(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     line = " ".join(value.split())
-    return f"'{line}" if line[:1] in "=+@" and line else line
+    return f"'{line}" if line and line[0] in "=+-@" and not _YEAR_BC.fullmatch(line) else line

@@ -56,8 +56,12 @@ class DryAir(eqx.Module):
 
     def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
         """Number density [m^-3]."""
+        return self.number_density(self.density_ratio(altitude))
+
+    def number_density(self, density_ratio: Float[Array, ""]) -> Float[Array, ""]:
+        """Number density [m^-3] for a density relative to 15 C and 1013.25 hPa [-]."""
         standard = constants.STANDARD_PRESSURE / (constants.BOLTZMANN * constants.STANDARD_TEMPERATURE)
-        return standard * self.density_ratio(altitude)
+        return standard * density_ratio
 
 
 class Air(DryAir):

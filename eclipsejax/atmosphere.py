@@ -21,7 +21,7 @@ from eclipsejax.air import Air
 from eclipsejax.constants import ATMOSPHERE_TOP, DOBSON_UNIT
 from eclipsejax.sounding import Sounding
 from eclipsejax.spectra import ozone_cross_section
-from eclipsejax.traced import real
+from eclipsejax.traced import ascending, real
 
 # Peak [m^-3], altitude [m] and width [m] of four Gaussians: the AFGL 1986 U.S. Standard ozone profile (Anderson
 # et al. 1986, AFGL-TR-86-0110) to 0.6 % of its peak; tables/fit_ozone_profile.py makes them. A sum of
@@ -171,7 +171,7 @@ class Atmosphere(eqx.Module):
         edges = [jnp.asarray([0.0, ATMOSPHERE_TOP]), self.air.breaks]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))
-        return jnp.sort(_inside(jnp.concatenate(edges)))
+        return ascending(_inside(jnp.concatenate(edges)))
 
     @property
     def breaks(self) -> Float[Array, " breaks"]:
@@ -179,7 +179,7 @@ class Atmosphere(eqx.Module):
         if self.clouds is None:
             return self.ray_breaks
         around = self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0])
-        return jnp.sort(jnp.concatenate([self.ray_breaks, _inside(around)]))
+        return ascending(jnp.concatenate([self.ray_breaks, _inside(around)]))
 
     def dispersion(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Refractivity of air at 15 C and 1013.25 hPa [-]."""
@@ -191,8 +191,10 @@ class Atmosphere(eqx.Module):
 
     def profiles(self, altitude: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, " constituent"]]:
         """(density ratio, profile of each constituent) at an altitude [m]."""
-        densities = jnp.stack([part.profile(altitude) for part in self.constituents])
-        return self.air.density_ratio(altitude), densities
+        air, *others = self.constituents
+        density_ratio = self.air.density_ratio(altitude)
+        densities = [air.number_density(density_ratio), *(part.profile(altitude) for part in others)]
+        return density_ratio, jnp.stack(densities)
 
     def refractivity(self, altitude: Float[Array, ""], wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Refractive index minus one [-]."""

@@ -3,7 +3,6 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import scipy.fft
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PRNGKeyArray
 
@@ -188,6 +187,8 @@ def blur(image: Float[ArrayLike, "row column 3"], camera: Camera) -> Float[Array
 def _convolved(image, kernel, axes: tuple[int, ...]):
     """Convolution along some of the first two axes with a kernel of 2 n - 1 elements along each."""
     # The full convolution is 3 n - 2 long; at a period of 2 n - 1 only what is cut away below overlaps.
+    import scipy.fft  # takes a fifth of a second to load, and a picture without blur does not need it
+
     counts = [image.shape[axis] for axis in axes]
     padded = [scipy.fft.next_fast_len(2 * n - 1) or 2 * n - 1 for n in counts]
     spectrum = jnp.fft.rfftn(kernel, s=padded)

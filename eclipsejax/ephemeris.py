@@ -5,6 +5,7 @@ the Earth; what leaves is a `Geometry`, a tree of arrays that can be traced, sta
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -98,6 +99,10 @@ class Geometry(eqx.Module):
         day, second = np.asarray(self.clock, dtype=float)
         return write_clock(Clock(round(day), float(second)))
 
+    def on_host(self) -> "Geometry":
+        """The same in NumPy's arrays, in float64: a few numbers are had from it without compiling anything."""
+        return jax.tree.map(lambda field: np.asarray(field, dtype=float), self)
+
     def after(self, seconds: Float[Array, ""] | float) -> "Geometry":
         """The same scene `seconds` later or earlier, differentiable: for a series, or an uncertain clock.
 
@@ -188,15 +193,17 @@ def moon_orientation(terrestrial_time: float) -> np.ndarray:
     return np.array([cosine * node + sine * beyond, cosine * beyond - sine * node, pole])
 
 
-def moon_altitude(geometry: Geometry) -> Float[Array, ""]:
+def moon_altitude(geometry: Geometry, xp=jnp) -> Float[Array, ""]:
     """Altitude of the Moon's centre above the observer's horizon, without refraction [rad].
 
     An observer at the Earth's centre has no horizon: pi / 2, the Moon never sets and no air is in the way.
+
+    - `xp`: JAX's or plain NumPy, for which the geometry must be `on_host`.
     """
     line_of_sight = geometry.moon - geometry.observer
-    sine = jnp.dot(geometry.zenith, line_of_sight) / jnp.linalg.norm(line_of_sight)
-    on_earth = jnp.any(geometry.zenith != 0.0)
-    return jnp.where(on_earth, jnp.arcsin(jnp.where(on_earth, sine, 0.0)), 0.5 * jnp.pi)
+    sine = xp.dot(geometry.zenith, line_of_sight) / xp.linalg.norm(line_of_sight)
+    on_earth = xp.any(geometry.zenith != 0.0)
+    return xp.where(on_earth, xp.arcsin(xp.where(on_earth, sine, 0.0)), 0.5 * np.pi)
 
 
 def local_circumstances(eclipse: Eclipse, latitude: float, longitude: float, height: float = 0.0) -> dict[str, float]:

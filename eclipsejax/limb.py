@@ -100,16 +100,20 @@ def _hermite(x, x0, x1, y0, y1, first, last):
     return y0 + t * rise + bend * ((1.0 - t) * (width * first - rise) - t * (width * last - rise))
 
 
-def gauss_legendre(order):
-    """Nodes and weights on [0, 1]."""
+def gauss_legendre(order, xp=jnp):
+    """Nodes and weights on [0, 1]; `xp` is JAX's or plain NumPy."""
     node, weight = np.polynomial.legendre.leggauss(order)
-    return jnp.asarray(0.5 * (node + 1.0), dtype=float), jnp.asarray(0.5 * weight, dtype=float)
+    return xp.asarray(0.5 * (node + 1.0), dtype=float), xp.asarray(0.5 * weight, dtype=float)
 
 
-def clustered(order):
-    """Gauss-Legendre nodes on [0, 1] under x = (1 - cos(pi t)) / 2: square roots at either end become smooth."""
-    t, weight = gauss_legendre(order)
-    return 0.5 * (1.0 - jnp.cos(np.pi * t)), 0.5 * np.pi * jnp.sin(np.pi * t) * weight
+def clustered(order, xp=jnp):
+    """Gauss-Legendre nodes on [0, 1] under x = (1 - cos(pi t)) / 2: square roots at either end become smooth.
+
+    Worked out on the host; `xp` is what the arrays are to be, JAX's or plain NumPy's.
+    """
+    t, weight = gauss_legendre(order, np)
+    node, weight = 0.5 * (1.0 - np.cos(np.pi * t)), 0.5 * np.pi * np.sin(np.pi * t) * weight
+    return xp.asarray(node, dtype=float), xp.asarray(weight, dtype=float)
 
 
 def medium(atmosphere, wavelength):

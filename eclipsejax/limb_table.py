@@ -175,7 +175,8 @@ def limb_table(atmosphere, wavelength: Float[Array, " wavelength"], counts, brea
             )
             return (EARTH_RADIUS + z) * profile(z)[0], bending, columns
 
-        return jax.vmap(jax.vmap(one))(tangent_height)
+        values = jax.vmap(one)(tangent_height.reshape(-1))  # not one `vmap` in another: each takes its time to trace
+        return jax.tree.map(lambda value: value.reshape(*tangent_height.shape, *value.shape[1:]), values)
 
     if hasattr(atmosphere, "profiles"):
         refractivities, mixture = _dispersion_nodes(atmosphere, wavelength, counts.dispersion)

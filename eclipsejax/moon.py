@@ -61,11 +61,13 @@ def lunar_map(columns: int = 1024) -> np.ndarray:
 
     table = files("eclipsejax").joinpath("tables/moon_2048x1024.jpg")
     with table.open("rb") as file, Image.open(file) as image:
-        encoded = np.asarray(image.convert("RGB"), dtype=float) / 255.0
+        encoded = np.asarray(image.convert("RGB"))
     if columns < 2 or columns % 2 or encoded.shape[1] % columns:
         raise InputError(f"The lunar map cannot have {columns} columns: take 2048, 1024, 512 or so on.")
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    luminance = linear @ np.array([0.2126, 0.7152, 0.0722])
+    code = np.arange(256) / 255.0  # of which there are fewer than pixels
+    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    red, green, blue = (share * linear for share in (0.2126, 0.7152, 0.0722))
+    luminance = red[encoded[..., 0]] + green[encoded[..., 1]] + blue[encoded[..., 2]]
     block = encoded.shape[1] // columns
     luminance = luminance.reshape(columns // 2, block, columns, block).mean(axis=(1, 3))
     luminance /= np.average(luminance, weights=disc_weights(luminance.shape))

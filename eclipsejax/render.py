@@ -70,14 +70,19 @@ def render(scene: Scene, atmosphere, *, tolerance: float = 1e-3) -> Float[Array,
 
     - `tolerance`: relative error wanted of the light, at least 1e-3; see `SAMPLINGS`. Gradients err by more.
     """
+    prepared = scene_tabulator(scene, tolerance)
+    return painted(scene, prepared.grid, scene_table(prepared, atmosphere))
+
+
+def painted(
+    scene: Scene, grid: TableGrid, shadow: ShadowTable | FlattenedTable | LopsidedTable
+) -> Float[Array, "row column channel"]:
+    """The picture in the light of a shadow: the last step of `render`, in bands of rows."""
     rows, columns = scene.camera.shape
     band = min(rows, max(1, _BAND // columns))
-    prepared = scene_tabulator(scene, tolerance)
-    shadow = scene_table(prepared, atmosphere)
 
     def seen(first, count):
-        samples = sampled(scene, prepared.grid, *pixels(scene.camera, first, count))
-        return lit(shadow, *samples, scene.camera.response)
+        return lit(shadow, *sampled(scene, grid, *pixels(scene.camera, first, count)), scene.camera.response)
 
     if band == rows:
         return seen(0, rows)

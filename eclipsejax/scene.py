@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from eclipsejax.camera import Camera
-from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS
+from eclipsejax.constants import EARTH_RADIUS, MOON_RADIUS, SUN_RADIUS
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude, nearest_eclipse
 from eclipsejax.errors import InputError
 from eclipsejax.limb_shape import LimbShape
@@ -165,9 +165,10 @@ class Scene(eqx.Module):
         where = geometry(utc, latitude, longitude, height)
         check_eclipsed(where)
         parts.setdefault("umbral", touches_umbra(where, parts.get("sun", Sun())))
-        if latitude is not None and moon_altitude(where) < np.radians(-1.0):
+        altitude = moon_altitude(where.on_host(), np)
+        if latitude is not None and altitude < np.radians(-1.0):
             raise InputError(
-                f"At {where.utc} the Moon is {-np.degrees(moon_altitude(where)):.0f} degrees below the horizon of "
+                f"At {where.utc} the Moon is {-np.degrees(altitude):.0f} degrees below the horizon of "
                 f"{latitude:g}, {longitude:g}: check time, longitude (east is positive) and site."
             )
         if latitude is not None and "sky" not in parts:
@@ -186,16 +187,27 @@ class Scene(eqx.Module):
 
 def touches_umbra(where: Geometry, sun: Sun) -> bool:
     """Whether any of the Moon is in the umbra of a ball, or within 1' of it."""
-    distance, sun_distance = jnp.linalg.norm(where.moon) - MOON_RADIUS, jnp.linalg.norm(where.sun)
-    nearest = axis_offset(where, where.moon) - jnp.arcsin(MOON_RADIUS / distance)
-    return bool(nearest < umbra_edge(distance, sun_distance, sun.radius) + np.radians(1.0 / 60.0))
+    offset, distance, sun_distance = _standing(where)
+    distance -= MOON_RADIUS
+    nearest = offset - np.arcsin(MOON_RADIUS / distance)
+    return bool(nearest < umbra_edge(distance, sun_distance, float(sun.radius), np) + np.radians(1.0 / 60.0))
+
+
+def _standing(where: Geometry) -> tuple[float, float, float]:
+    """Angle of the Moon's centre from the axis [rad], distances of Moon and Sun from the Earth's centre [m].
+
+    In NumPy: each operation of JAX's outside `jit` would be compiled by itself, half a second at a command's start.
+    """
+    here = where.on_host()
+    across, along = np.cross(here.moon, -here.sun), np.dot(here.moon, -here.sun)
+    offset = np.arctan2(np.linalg.norm(across), along)
+    return float(offset), float(np.linalg.norm(here.moon)), float(np.linalg.norm(here.sun))
 
 
 def check_eclipsed(where: Geometry) -> None:
     """Raise `InputError` if no part of the Moon is in the penumbra."""
-    offset = float(axis_offset(where, where.moon))
-    distance, sun_distance = float(jnp.linalg.norm(where.moon)), float(jnp.linalg.norm(where.sun))
-    penumbra = (EARTH_RADIUS + MOON_RADIUS) / distance + (EARTH_RADIUS + Sun().radius) / sun_distance
+    offset, distance, sun_distance = _standing(where)
+    penumbra = (EARTH_RADIUS + MOON_RADIUS) / distance + (EARTH_RADIUS + SUN_RADIUS) / sun_distance
     if offset > 1.02 * penumbra:
         eclipse = nearest_eclipse(where.utc)
         raise InputError(

@@ -15,27 +15,37 @@ XLA_KNOWN = (0, 10)  # version of jaxlib
 FEW_EMITTERS = "--xla_cpu_use_fusion_emitters=false"
 
 
-def start() -> None:
+def start(keep_compiled: bool = True) -> None:
     """Float64, and compiled code kept on disk from one run to the next; before anything is computed.
 
     In `$JAX_COMPILATION_CACHE_DIR`, else `$XDG_CACHE_HOME/eclipsejax/jax`, else `~/.cache/eclipsejax/jax`; nowhere, if
     that cannot be made.
+
+    - `keep_compiled`: False for a command that keeps whole programs (`programs`), which cannot be had from JAX's cache.
     """
     one_blas_thread()
     import jax
 
     compile_quickly()
     jax.config.update("jax_enable_x64", True)
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    folder = Path(os.environ.get("JAX_COMPILATION_CACHE_DIR") or caches / "eclipsejax" / "jax").expanduser()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    jax.config.update("jax_enable_compilation_cache", keep_compiled)
+    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR") or cache_folder("jax")
+    if folder is None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     # One for each program that cannot be kept, or that another process has written half of: it is compiled anew.
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache", UserWarning)
+
+
+def cache_folder(name: str) -> Path | None:
+    """A folder for what is kept from one run to the next; None if it cannot be made."""
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "eclipsejax" / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # a home that is unknown
+        return None
+    return folder
 
 
 def one_blas_thread() -> None:

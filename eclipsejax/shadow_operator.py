@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from eclipsejax.arc import arc_moments
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.limb_shape import Ground
-from eclipsejax.limb_table import limb_table, ray_breaks
+from eclipsejax.limb_table import LimbTable, limb_table, ray_breaks
 from eclipsejax.sky_cells import SkyCells
 from eclipsejax.sky_flux import branches, cell_flux
 from eclipsejax.sun import Sun
@@ -80,14 +80,21 @@ class ShadowOperator(eqx.Module):
 
     def __call__(self, atmosphere) -> Float[Array, "distance offset wavelength"]:
         """Fraction of unobstructed sunlight, as by `shadow.shadow_irradiance`."""
+        return self.light(atmosphere, self.rays(atmosphere))
+
+    def rays(self, atmosphere) -> tuple[LimbTable, Float[Array, "wavelength constituent"]]:
+        """The grazing rays of an atmosphere, as by `limb_table`: the first half of the work."""
         table, coefficients = limb_table(atmosphere, self.wavelength, self.counts, breaks=ray_breaks(atmosphere))
-        if self.ground is not None:
-            table = self.ground.fitted(table)
+        return (table if self.ground is None else self.ground.fitted(table)), coefficients
+
+    def light(self, atmosphere, rays) -> Float[Array, "distance offset wavelength"]:
+        """What its rays bring: the second half."""
+        table, coefficients = rays
 
         def seen(view: View):
-            rays = branches(table, coefficients, view.distance, self.sun_distance)
+            seen_rays = branches(table, coefficients, view.distance, self.sun_distance)
             of_one = lambda one: jnp.sum(cell_flux(one, atmosphere.limb_transmission, view.cells, self.counts.piece), 0)
-            flux = jax.vmap(of_one)(rays)
+            flux = jax.vmap(of_one)(seen_rays)
             wavelengths, *rows = flux.shape
             light = flux.reshape(wavelengths, -1) @ view.arcs.reshape(rows[0] * rows[1], -1)
             light = light.reshape(wavelengths, *view.arcs.shape[2:])

@@ -175,12 +175,15 @@ class Tabulator(eqx.Module):
     flattening: Flattening | None = None
     """Of the Earth; None for a sphere. The tabulator itself gives the mean over the angles about the axis."""
 
-    def __call__(self, atmosphere) -> ShadowTable:
-        """The table of the shadow over the Moon's disc, of an atmosphere that is the same all around."""
+    def __call__(self, atmosphere, rays=None) -> ShadowTable:
+        """The table of the shadow over the Moon's disc, of an atmosphere that is the same all around.
+
+        - `rays`: as by `operator.rays`, where they are known.
+        """
         if is_lopsided(atmosphere):
             raise InputError("This wants an atmosphere that is the same all around: give one without a limb axis.")
         operator = self.operator
-        light = operator(atmosphere)
+        light = operator.light(atmosphere, operator.rays(atmosphere) if rays is None else rays)
         if self.scatterers is not None:
             light += ring_glow(atmosphere, *self.glowing())
         light = light @ self.weights  # (distance, offset, channel)

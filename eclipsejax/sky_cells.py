@@ -10,10 +10,12 @@ coefficients times the same moments of F, however rough F is: caustics need no c
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from eclipsejax.arc import arc_moments
 from eclipsejax.limb import clustered
+from eclipsejax.traced import ascending
 
 
 class SkyCells(eqx.Module):
@@ -35,7 +37,7 @@ class SkyCells(eqx.Module):
         """
         touching = jnp.concatenate([jnp.abs(offset - sun_radius), offset + sun_radius])
         lower = jnp.maximum(jnp.min(offset) - sun_radius, 0.0)
-        return cls(jnp.sort(jnp.concatenate([touching, jnp.linspace(lower, jnp.max(touching), fill)])))
+        return cls(ascending(jnp.concatenate([touching, jnp.linspace(lower, jnp.max(touching), fill)])))
 
     def index(self, psi: Float[Array, "..."]) -> Float[Array, "..."]:
         """Number of the cell in which |psi| lies; -1 below the first, `count` above the last."""
@@ -54,12 +56,23 @@ class SkyCells(eqx.Module):
         lower, upper = self.edges[:-1, None], self.edges[1:, None]
         circle = lower + (upper - lower) * node
         moments = arc_moments(offset, circle, sun_radius, order) if moments is None else moments(circle)
-        root = jnp.sqrt(weight)[:, None]
-        fit = jnp.linalg.pinv(root * functions(node)) * root.T
-        return jnp.einsum("kn,cnm->ckm", fit, moments)
+        return jnp.einsum("kn,cnm->ckm", _fit(nodes), moments)
 
 
-def functions(x: Float[Array, "..."]) -> Float[Array, "... function"]:
-    """The functions on a cell, x from 0 at its lower to 1 at its upper edge, in a new last axis."""
+def functions(x: Float[Array, "..."], xp=jnp) -> Float[Array, "... function"]:
+    """The functions on a cell, x from 0 at its lower to 1 at its upper edge, in a new last axis.
+
+    - `xp`: JAX's or plain NumPy.
+    """
     y = 2.0 * x - 1.0
-    return jnp.stack([jnp.ones_like(y), y, y**2, jnp.sqrt(x), jnp.sqrt(1.0 - x)], axis=-1)
+    return xp.stack([xp.ones_like(y), y, y**2, xp.sqrt(x), xp.sqrt(1.0 - x)], axis=-1)
+
+
+def _fit(nodes: int) -> Float[Array, "function node"]:
+    """From values at `clustered` nodes to the coefficients of the functions, by weighted least squares.
+
+    On the host: a pseudo-inverse inside a program is a call of LAPACK, and the program cannot be kept (`programs`).
+    """
+    node, weight = clustered(nodes, np)
+    root = np.sqrt(weight)[:, None]
+    return jnp.asarray(np.linalg.pinv(root * functions(node, np)) * root.T, dtype=float)

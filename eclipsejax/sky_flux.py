@@ -61,10 +61,12 @@ def branches(table: LimbTable, coefficients, distance, sun_distance) -> Branches
     )
 
 
-def series(coefficients: Float[Array, "row coefficient"], u: Float[Array, "row ..."]) -> Float[Array, "row ..."]:
-    """Chebyshev series of u on [0, 1], one for each row; term by term, so that no basis is kept in memory."""
+def series(coefficients: Float[Array, "... row coefficient"], u: Float[Array, "row ..."]) -> Array:
+    """Chebyshev series of u on [0, 1], one for each row, (..., *u.shape); term by term, so that no basis is kept in
+    memory. Several series of the same u are worked out for little more than one."""
     x = 2.0 * u - 1.0
-    terms = coefficients.T.reshape(coefficients.shape[1], -1, *[1] * (u.ndim - 1))
+    *sets, count = coefficients.shape
+    terms = jnp.moveaxis(coefficients, -1, 0).reshape(count, *sets, *[1] * (u.ndim - 1))
     before, last = jnp.ones_like(x), x
     total = terms[0] + terms[1] * x
     for term in terms[2:]:
@@ -84,10 +86,10 @@ def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) ->
     u = piece.start[:, None] + (piece.stop - piece.start)[:, None] * node
     height = (rays.upper - rays.lower)[piece.panel][:, None]
     clear = limb_transmission(rays.upper[piece.panel][:, None] - height * u**2)
-    light = jnp.exp(-series(rays.depth[piece.panel], u)) * clear * series(rays.solid_angle[piece.panel], u)
-    flux = light * jnp.abs(piece.stop - piece.start)[:, None] * weight
+    along = jnp.stack([rays.psi, rays.depth, rays.solid_angle])
+    psi, depth, angle = series(along[:, piece.panel], u)
+    flux = jnp.exp(-depth) * clear * angle * jnp.abs(piece.stop - piece.start)[:, None] * weight
 
-    psi = series(rays.psi[piece.panel], u)
     lower, upper = (cells.edges[jnp.clip(piece.cell + side, 0, cells.count)] for side in (0, 1))
     within = (jnp.abs(psi) - lower[:, None]) / jnp.where(upper > lower, upper - lower, 1.0)[:, None]
     basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
@@ -137,17 +139,17 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
 
     # A piece ends where psi passes the lower edge of its cell (of -|psi|, the upper), if its branch gets there.
     edge = jnp.where(cell > 0, 1.0, -1.0) * cells.edges[jnp.clip(jnp.maximum(cell - 1, -cell), 0, count)]
-    cut = _crossing(frozen_psi[here], frozen_slope[here], psi_line[branch], u_line[branch], edge)
+    cut = _crossing(jnp.stack([frozen_psi, frozen_slope])[:, here], psi_line[branch], u_line[branch], edge)
     # One more step of Newton's, which does not move the cut but carries its derivative (implicit function theorem).
-    steep = series(frozen_slope[here], cut)
-    moved = (series(psi[here], cut) - edge) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf)
+    there, steep = series(jnp.stack([psi, frozen_slope])[:, here], cut)
+    moved = (there - edge) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf)
     cut = cut - (moved - jax.lax.stop_gradient(moved))
     cut = jnp.where(edge > psi_line[branch, -1], cut, stop[branch])
     before = jnp.where(rank == 0, start[branch], jnp.roll(cut, 1))
     return _Pieces(here, before, cut, jnp.abs(cell) - 1, cell < 0, piece < ends[-1])
 
 
-def _crossing(psi, slope, psi_line, u_line, edge):
+def _crossing(psi_and_slope, psi_line, u_line, edge):
     """u at which each falling psi(u) passes an edge: between two points of its line, then by Newton's steps."""
     above = jnp.clip(jnp.sum(psi_line > edge[:, None], axis=1), 1, _GRID - 1)[:, None]
     (u0, u1), (psi0, psi1) = (
@@ -156,8 +158,8 @@ def _crossing(psi, slope, psi_line, u_line, edge):
     rise = psi1 - psi0
     u = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
     for _ in range(_NEWTON):
-        steep = series(slope, u)
-        step = (series(psi, u) - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
+        there, steep = series(psi_and_slope, u)
+        step = (there - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
         u = jnp.clip(u - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
     return jax.lax.stop_gradient(u)
 
@@ -169,11 +171,11 @@ def _signed_cell(psi, cells):
 
 def _summits(psi, slope):
     """u of the largest psi of each panel: 0, or the end of the hook."""
-    bend = chebyshev_derivative(slope)
+    slopes = jnp.stack([slope, chebyshev_derivative(slope)])
     grid = jnp.asarray(np.linspace(0.0, 1.0, _GRID))
     u = grid[jnp.argmax(psi @ chebyshev(grid, psi.shape[-1]).T, axis=1)]
     hooked = u > 0.0
     for _ in range(4):
-        curved = series(bend, u)
-        u = jnp.clip(u - series(slope, u) / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
+        steep, curved = series(slopes, u)
+        u = jnp.clip(u - steep / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
     return jnp.where(hooked, u, 0.0)

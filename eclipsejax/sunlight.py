@@ -12,14 +12,20 @@ from eclipsejax.limb import clustered
 from eclipsejax.traced import safe_sqrt
 
 
-def sky_angle(impact, distance, sun_distance):
-    """Where a straight ray comes from: angle from the direction opposite to the point [rad]."""
-    return jnp.arcsin(impact / distance) + jnp.arcsin(impact / sun_distance)
+def sky_angle(impact, distance, sun_distance, xp=jnp):
+    """Where a straight ray comes from: angle from the direction opposite to the point [rad].
+
+    - `xp`: JAX's or plain NumPy.
+    """
+    return xp.arcsin(impact / distance) + xp.arcsin(impact / sun_distance)
 
 
-def umbra_edge(distance, sun_distance, sun_radius):
-    """Angle from the axis at which a solid Earth just covers a Sun of a radius [m]: the edge of the umbra [rad]."""
-    return sky_angle(EARTH_RADIUS, distance, sun_distance) - jnp.arcsin(sun_radius / sun_distance)
+def umbra_edge(distance, sun_distance, sun_radius, xp=jnp):
+    """Angle from the axis at which a solid Earth just covers a Sun of a radius [m]: the edge of the umbra [rad].
+
+    - `xp`: JAX's or plain NumPy.
+    """
+    return sky_angle(EARTH_RADIUS, distance, sun_distance, xp) - xp.arcsin(sun_radius / sun_distance)
 
 
 def solid_angle(impact, distance):

@@ -1,6 +1,7 @@
-"""How a number becomes a field of a module, and square roots that can be differentiated at zero."""
+"""How a number becomes a field of a module, a short sort, and square roots that can be differentiated at zero."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 
@@ -10,6 +11,18 @@ def real(x) -> Array:
     Without it a Python float in a field is static: every value compiles anew and its gradient is `None`.
     """
     return jnp.asarray(x, dtype=float)
+
+
+def ascending(x: Float[Array, " number"]) -> Float[Array, " number"]:
+    """Up to some thousand numbers in ascending order; if one is not a number, the first of the result is not.
+
+    By counting how many are smaller, and not by `jnp.sort`: XLA cannot write every program that sorts to disk
+    ("`LessThan` is not serializable"), and neither JAX's cache nor `programs` could keep it.
+    """
+    index = np.arange(x.size)
+    before = (x[None, :] < x[:, None]) | ((x[None, :] == x[:, None]) & (index[None, :] < index[:, None]))
+    place = jnp.sum(before, axis=1)
+    return jnp.sum(jnp.where(place[None, :] == index[:, None], x[None, :], 0.0), axis=1)
 
 
 def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:

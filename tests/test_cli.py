@@ -4,9 +4,9 @@ import re
 import subprocess
 import sys
 import types
-from importlib import import_module
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import tifffile
@@ -14,11 +14,24 @@ from PIL import Image
 
 import eclipsejax
 import inverse
-from eclipsejax import cli, session
+from eclipsejax import cli, session, snapshot
 from eclipsejax.commands import listing
+from eclipsejax.photometry import pictured_brightness
+from eclipsejax.programs import program
+from eclipsejax.response import displayed
 
 TOTALITY = "2022-05-16T04:11:30Z"
 SMALL = ["--size", "48", "--tolerance", "1e-2"]
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    """The commands keep whole programs; the tests keep them out of the user's home and leave JAX as it was."""
+    import jax
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp()))
+    yield
+    jax.config.update("jax_enable_compilation_cache", True)
 
 
 def check_refused(capsys, arguments, *words):
@@ -180,10 +193,13 @@ def test_dates_that_cannot_be_listed_are_refused_in_one_sentence(capsys):
 
 
 def test_an_exposure_is_a_brightness(capsys, tmp_path, monkeypatch):
-    def full_moon(scene, atmosphere, *, tolerance):
-        return np.ones((*scene.camera.shape, 3))
+    def full_moon(scene, atmosphere, tolerance, folder):
+        image = jnp.ones((*scene.camera.shape, 3))
+        return snapshot.Snapshot(
+            image, pictured_brightness(scene, image), jnp.asarray(False), program(displayed, image, 1.0)
+        )
 
-    monkeypatch.setattr(import_module("eclipsejax.render"), "render", full_moon)
+    monkeypatch.setattr(snapshot, "snapshot", full_moon)
     shot = ["--exposure", "1/50", "--f-number", "8", "--iso", "200"]
     assert cli.main(["render", TOTALITY, "-o", str(tmp_path / "moon.tif"), "--size", "8", *shot]) == 0
     assert capsys.readouterr().out.startswith("A full Moon would be at 1.36 of full scale.")

@@ -18,6 +18,7 @@ from eclipsejax.constants import ASTRONOMICAL_UNIT, ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.limb import grazing_ray, impact_parameter, medium
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.sun import Sun
+from eclipsejax.traced import ascending
 from inverse import prior
 from tests import oracles
 from tests.test_limb import oracle
@@ -373,3 +374,10 @@ def test_no_light_is_lost_but_what_the_limb_keeps(seed):
     taken = np.pi * impact[0] ** 2 + 2.0 * np.pi * np.trapezoid(impact * blocked, impact)
     widened = (distance + oracles.AU) / oracles.AU  # the beam of one point of the Sun diverges
     assert missing == pytest.approx(taken * widened**2, rel=3e-4)
+
+
+def test_numbers_are_put_in_order_with_their_derivatives():
+    x = jnp.asarray([3.0, -1.0, 2.0, 2.0, 7.0])
+    np.testing.assert_array_equal(ascending(x), [-1.0, 2.0, 2.0, 3.0, 7.0])
+    np.testing.assert_array_equal(jax.jacobian(ascending)(x), np.eye(5)[[1, 2, 3, 0, 4]])
+    assert jnp.isnan(ascending(x.at[4].set(jnp.nan))[0])

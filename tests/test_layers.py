@@ -12,10 +12,12 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # From the bottom up: a module may import those above it in this list.
 ORDER = """
-constants errors whole_file traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march sun
+constants errors session whole_file traced tolerance calendar spectra air sounding_levels sounding atmosphere limb march
+sun
 arc sunlight limb_table ring limb_shape limb_sectors shadow sky_cells sky_flux shadow_operator scatterers twilight
 scattered moon sky response camera almanac ephemeris scene aspect shadow_table flattened_table lopsided_table
-wavelengths render photometry umbra dust_of_brightness sequence movie movie_file texture figures selftest session cli
+wavelengths render photometry umbra programs snapshot dust_of_brightness sequence movie movie_file texture figures
+selftest cli
 """.split()
 # The same within the package of that name.
 FIGURES = """

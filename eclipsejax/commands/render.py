@@ -39,21 +39,20 @@ def _render(options: Namespace) -> None:
     shot = (options.exposure, options.f_number, options.iso)
     if any(x is not None for x in shot) and (None in shot or options.gain is not None):
         raise InputError("--exposure, --f-number and --iso belong together, without --gain: give all three or none.")
-    session.start()
-    import equinox as eqx
+    session.start(keep_compiled=False)
     import jax.numpy as jnp
     import numpy as np
 
     from eclipsejax.camera import Exposure
-    from eclipsejax.photometry import pictured_brightness
-    from eclipsejax.render import disc_offsets, render
-    from eclipsejax.response import bright_gain, display, into_gamut
+    from eclipsejax.response import bright_gain, into_gamut
     from eclipsejax.scene import Scene
+    from eclipsejax.snapshot import snapshot
 
     parts = {"camera": shared.camera(options), "scatterers": shared.scatterers(options), "flattened": options.flattened}
     scene = Scene.at(options.utc.strip(), *(options.site or ()), **parts)
     limb = shared.atmosphere(options)
-    image = np.asarray(eqx.filter_jit(render)(scene, limb, tolerance=options.tolerance))
+    taken = snapshot(scene, limb, options.tolerance, session.cache_folder("programs"))
+    image = np.asarray(taken.image)
 
     if options.exposure is not None:
         gain = float(Exposure(*shot).scale()[0])
@@ -62,10 +61,10 @@ def _render(options: Namespace) -> None:
         gain = options.gain or bright_gain(image)
         print(f"The Moon is brightened {f'{gain:,.0f}' if gain >= 10 else f'{gain:g}'} times.")
 
-    seen = pictured_brightness(scene, jnp.asarray(image))
+    seen = taken.brightness
     line = f"The whole Moon is dimmed by {seen.dimming:.1f} mag, to magnitude {seen.magnitude:.1f}"
     # Danjon's number is for a Moon that is wholly in the umbra.
-    if disc_offsets(scene.geometry)[1] < scene.umbra():
+    if taken.within_umbra:
         line += f"; Danjon's L would be {seen.danjon:.1f}"
     print(f"{line}.")
 
@@ -73,7 +72,7 @@ def _render(options: Namespace) -> None:
         if path.suffix.lower() == ".png":
             from PIL import Image
 
-            Image.fromarray(display(image, gain)).save(path)
+            Image.fromarray(np.asarray(taken.developed(taken.image, jnp.asarray(gain)))).save(path)
         else:
             import tifffile
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from eclipsejax.errors import InputError
-from inverse import prior
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
@@ -17,7 +16,6 @@ from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
 from inverse.posterior import LimbPosterior
-from inverse.result import NEAR_ZERO
 from inverse.surrogate import interpolated
 
 FITTED = ("independent", "smooth", "chromatic", "outlying")  # of the `Errors`
@@ -86,9 +84,9 @@ def answer(
 ) -> Answer:
     """Draw from the posterior about an optimum.
 
-    Importance sampling, from Laplace's Gaussian on, only where k-hat is below 0.7 and the dust away from zero: beside
-    zero the posterior is one-sided, and the weights do not tell. Then ensembles on a surrogate (`inverse.surrogate`);
-    and on the posterior itself where the surrogate fails, or draws were asked for.
+    Importance sampling, from Laplace's Gaussian on (`inverse.importance`), where k-hat comes below 0.7: of a posterior
+    that is one-sided, beside zero dust, its proposals know the prior's side as well. Then ensembles on a surrogate
+    (`inverse.surrogate`); and on the posterior itself where the surrogate fails, or draws were asked for.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
@@ -109,10 +107,10 @@ def _drawn(density: LimbPosterior, centre, covariance, draws: int | None, seed: 
     """The `answer` where Laplace's Gaussian alone is not enough."""
     weighed = None
     if draws is None:
-        progress("weighing", 0, 1)
-        weighed = importance(density, centre, covariance, seed=seed)
-        progress("weighing", 1, 1)
-        if before is None and weighed.trusted and away_from_zero(centre[0], float(np.sqrt(covariance[0, 0]))):
+        weighed = importance(
+            density, centre, covariance, seed=seed, report=lambda done, most: progress("weighing", done, most)
+        )  # fmt: skip
+        if before is None and weighed.trusted:
             return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
         if before is None:
             found = interpolated(
@@ -142,12 +140,6 @@ def _finite(value: float) -> float | None:
 def by_ensemble(values: np.ndarray) -> np.ndarray:
     """Values (chain, draw) of an `Answer` by emcee as (ensemble, step, walker)."""
     return np.moveaxis(values.reshape(ENSEMBLES, -1, values.shape[-1]), 1, 2)
-
-
-def away_from_zero(z: float, sd: float) -> bool:
-    """Whether Laplace's 95 % interval of the dust ends above where the prior's does."""
-    dust = prior.ATMOSPHERE[0]
-    return z - 1.96 * sd > -1.96 + np.log(NEAR_ZERO) / dust.width
 
 
 def check_same_density(density, chain: Chain) -> None:

@@ -8,13 +8,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from inverse.diagnostics import LEAST_SAMPLES, arviz
 from inverse.gaussian import Gaussian
+from inverse.mixture import about, fitted, tempered
 
 LARGEST_K = 0.7
-DRAWS, ROUNDS = 2000, 4
-FREEDOM, WIDER = 8.0, 1.1  # of proposals after the first: Student's degrees of freedom, and a margin of the variance
+DRAWS = 2000  # about Laplace's Gaussian
+MORE, ROUNDS = 1000, 8  # of each mixture, and how many of them at most
+ENOUGH = 2000.0  # effective draws at which this ends: fewer may not have been everywhere
 ALIKE = 0.98  # effective share of draws above which weights are as good as equal
 
 
@@ -40,47 +43,39 @@ class Importance:
 
 
 def importance(
-    density: Callable[[np.ndarray], np.ndarray], centre: np.ndarray, covariance: np.ndarray, *, seed: int
+    density: Callable[[np.ndarray], np.ndarray],
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    *,
+    seed: int,
+    report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Importance:
     """Sample a density through the Gaussian about its optimum, and where that does not do, through what it shows.
 
-    Adaptive importance sampling (Cappe et al. 2008): mean and covariance of the weighed draws make the next proposal, a
-    Student distribution, whose tails are the heavier ones. Stops where the weights can be trusted.
+    Adaptive multiple importance sampling (Cornuet et al. 2012): the weighted draws so far make the next proposal, a
+    mixture (`inverse.mixture`), which follows a bent posterior, or one of two peaks, where a Gaussian does not. All
+    draws are then weighed as if they came from all proposals together. Stops where the weights can be trusted.
 
     - `density`: log densities (draw,) of points (draw, parameter).
+    - `report`: called with the number of rounds done and that of all.
     """
-    random, proposal, freedom = np.random.default_rng(seed), Gaussian.about(centre, covariance), np.inf
-    best: Importance | None = None
-    for _ in range(ROUNDS):
-        normal = random.standard_normal((DRAWS, len(centre)))
-        if np.isfinite(freedom):
-            normal = normal / np.sqrt(random.chisquare(freedom, DRAWS) / freedom)[:, None]
-        z = proposal.at(normal)
-        value = density(z)
-        weight, k_hat = _weights(value - _log_proposal(normal, freedom))
+    random, gaussian = np.random.default_rng(seed), Gaussian.about(centre, covariance)
+    proposals, counts = [about(gaussian)], [DRAWS]
+    z = proposals[0].draw(DRAWS, random)
+    value = density(z)
+    for done in range(1, ROUNDS + 2):
+        report(done, ROUNDS + 1)
+        each = np.array([proposal.log_density(z) for proposal in proposals])
+        log_ratio = value - logsumexp(each, axis=0, b=np.array(counts)[:, None] / len(z))
+        weight, k_hat = _weights(log_ratio)
         found = _resampled(z, value, weight, k_hat, random)
-        if found.trusted:
+        if done > ROUNDS or not np.isfinite(k_hat) or (found.trusted and found.effective_samples > ENOUGH):
             return found
-        if best is None or found.effective_samples > best.effective_samples:
-            best = found
-        if not np.isfinite(k_hat):
-            break
-        mean = weight @ z
-        spread = (z - mean).T @ (weight[:, None] * (z - mean))
-        # Few draws that count know few directions: the rest is as wide as it was.
-        known = min(1.0, found.effective_samples / (20.0 * len(centre)))
-        spread = known * spread + (1.0 - known) * proposal.factor @ proposal.factor.T
-        proposal, freedom = Gaussian.about(mean, WIDER * spread), FREEDOM
-    assert best is not None
-    return best
-
-
-def _log_proposal(deviates: np.ndarray, freedom: float) -> np.ndarray:
-    """Log density (draw,) of deviates (draw, parameter), up to a constant: normal, or Student's."""
-    squares = np.sum(deviates**2, axis=1)
-    if not np.isfinite(freedom):
-        return -0.5 * squares
-    return -0.5 * (freedom + deviates.shape[1]) * np.log1p(squares / freedom)
+        proposals.append(fitted(z, tempered(log_ratio), gaussian, random))
+        counts.append(MORE)
+        fresh = proposals[-1].draw(MORE, random)
+        z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
+    raise AssertionError("the last round returns")
 
 
 def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, random) -> Importance:

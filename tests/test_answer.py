@@ -12,7 +12,7 @@ import pytest
 from eclipsejax.errors import InputError
 from inverse import answer as module
 from inverse import prior
-from inverse.answer import answer, away_from_zero, beginning, begun, by_ensemble
+from inverse.answer import answer, beginning, begun, by_ensemble
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
@@ -80,12 +80,7 @@ def test_a_posterior_unlike_its_gaussian_is_sampled(asked, monkeypatch):
     assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.36), rel=0.15)
 
 
-def test_dust_beside_zero_and_draws_asked_for_are_sampled(asked, monkeypatch):
-    monkeypatch.setattr(module, "MOST_DRAWS", 64 * 20)
-    wide = COVARIANCE.copy()
-    wide[0, 0] = 1.0
-    beside = np.zeros(SIZE)
-    assert asked(about(beside, wide), beside, wide)[0].method == "emcee"
+def test_draws_asked_for_are_sampled(asked):
     found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=640)
     assert found.method == "emcee" and found.report["psis"] is None
     assert found.report["sampler"]["steps"] == 10 and not found.report["sampler"]["converged"]
@@ -116,7 +111,7 @@ def test_points_that_are_no_numbers_are_counted_and_none_of_the_draws(asked, dra
     holed, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=draws)  # 1.5 standard deviations: 7 %
     told = holed.report
     assert holed.method == told["method"] == method and holed.z[..., 1].max() <= 0.3
-    assert 0.02 < told["not_finite"] / told["evaluated"] < 0.15
+    assert 0.02 < told["not_finite"] / told["evaluated"] < 0.25  # a share of the proposals is wider than that
 
 
 def test_a_chain_that_goes_on_counts_its_own_points(asked):
@@ -138,10 +133,6 @@ def test_chains_are_sorted_by_ensemble(asked):
     found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
     kept = found.chain.z[:, found.diagnosis.burn_in :]
     assert np.array_equal(by_ensemble(found.z[..., 2]), kept[..., 2])
-
-
-def test_dust_is_away_from_zero_where_its_interval_leaves_the_priors_end():
-    assert away_from_zero(1.0, 0.5) and not away_from_zero(0.0, 0.95) and not away_from_zero(-1.5, 0.3)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ demo: $(READY)
 	$(BIN)/fit_atmosphere --demo --out demo
 
 test: $(READY)
-	$(BIN)/pytest --numprocesses 2 --dist loadgroup --no-loadscope-reorder
+	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 test-slow: $(READY)
 	$(BIN)/pytest -m slow

@@ -29,7 +29,7 @@ def start(keep_compiled: bool = True) -> None:
     compile_quickly()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", keep_compiled)
-    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR") or cache_folder("jax")
+    folder = cache_folder("jax", os.environ.get("JAX_COMPILATION_CACHE_DIR"))
     if folder is None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
@@ -38,10 +38,11 @@ def start(keep_compiled: bool = True) -> None:
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache", UserWarning)
 
 
-def cache_folder(name: str) -> Path | None:
-    """A folder for what is kept from one run to the next; None if it cannot be made."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "eclipsejax" / name
+def cache_folder(name: str, chosen: str | None = None) -> Path | None:
+    """A folder for what is kept from one run to the next, the one `chosen` if any; None if it cannot be made."""
     try:
+        folder = Path(chosen or os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+        folder = folder if chosen else folder / "eclipsejax" / name
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # a home that is unknown
         return None

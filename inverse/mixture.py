@@ -60,8 +60,8 @@ class Mixture:
 def about(gaussian: Gaussian) -> Mixture:
     """Laplace's bell, the same one wider, and the prior.
 
-    The bell alone will not do: of a bent posterior whose standard deviation it takes for a third, its draws see a third
-    and their weights are tame (k-hat 0.65, 500 effective draws of 2000).
+    The bell alone will not do: of a bent posterior, or one of two peaks, its draws see what it covers, and their
+    weights are tame.
     """
     rest = _defence(gaussian)
     shares = np.append(1.0 - sum(OPENING), OPENING)

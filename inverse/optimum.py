@@ -1,8 +1,6 @@
 """The best of the optima that several starts lead to, with errors as large as the photographs say.
 
 Errors are the same for every limb and camera (`inverse.assumed_camera`), so that ends can be compared by their cost.
-They once were those of the camera that was fitted: descents then led to ends where errors are large and every misfit
-is small against them, and of eight hard photographs two were explained by the wrong one.
 """
 
 from collections.abc import Callable, Sequence

@@ -6,8 +6,10 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import jax
 import matplotlib
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 
 from eclipsejax import session
 
@@ -26,17 +28,19 @@ LONGEST = (
 SHARED = Path(os.environ.get("ECLIPSEJAX_SHARED", Path(__file__).parents[2] / "shared"))
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """Who does what, where several processes share the work: the tests of a file go to one, notebooks one by one.
-
-    What takes minutes is begun first: begun last, it would keep one process busy and the other waiting.
-    """
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            group = item.name if item.path.stem == "test_notebooks" else item.path.stem
-            item.add_marker(pytest.mark.xdist_group(group))
+def pytest_collection_modifyitems(items):
+    """What takes minutes is begun first: begun last, it would keep one process busy and the other waiting."""
     items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
+
+
+@pytest.fixture
+def compiled_anew():
+    """JAX's cache is off: what it takes from there could not be kept as a program (`eclipsejax.programs`)."""
+    jax.config.update("jax_enable_compilation_cache", False)
+    compilation_cache.reset_cache()
+    yield
+    jax.config.update("jax_enable_compilation_cache", True)
+    compilation_cache.reset_cache()
 
 
 @pytest.fixture(scope="session")

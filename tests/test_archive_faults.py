@@ -87,7 +87,7 @@ def test_photographs_that_kill_hang_and_break_leave_rows_and_the_others_are_fitt
     put(tmp_path, 3)
     for what in ("die", "die-once", "hang", "break", "refuse"):
         fakes.photograph(tmp_path / "photographs" / f"{what}.jpg", what, 0)
-    limit = ("--seconds-per-photograph", 2)
+    limit = ("--seconds-per-photograph", 5)
     done = run(tmp_path, "--workers", 2, *limit)
     assert done.returncode == 0, done.stderr
     rows = table(tmp_path)
@@ -99,7 +99,7 @@ def test_photographs_that_kill_hang_and_break_leave_rows_and_the_others_are_fitt
     assert rows[""]["photographs"] == "4"
     for name, words in (
         ("die", "process that fitted it died"),
-        ("hang", "longer than the 2 s"),
+        ("hang", "longer than the 5 s"),
         ("break", "ZeroDivisionError: a fault of the program"),
         ("refuse", "There is no Moon in it"),
     ):

@@ -25,13 +25,9 @@ SMALL = ["--size", "48", "--tolerance", "1e-2"]
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory, monkeypatch):
-    """The commands keep whole programs; the tests keep them out of the user's home and leave JAX as it was."""
-    import jax
-
+def own_cache(tmp_path_factory, monkeypatch, compiled_anew):
+    """The commands keep whole programs; the tests keep them out of the user's home."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp()))
-    yield
-    jax.config.update("jax_enable_compilation_cache", True)
 
 
 def check_refused(capsys, arguments, *words):

@@ -34,7 +34,7 @@ PAIR = Pair(jnp.arange(4.0), jnp.ones(2), "pair")
 
 
 @pytest.fixture(autouse=True)
-def fresh():
+def fresh(compiled_anew):
     TRACED.clear()
 
 
@@ -124,11 +124,13 @@ def test_what_calls_code_outside_itself_is_not_kept(tmp_path):
 
 def test_nothing_is_kept_while_the_cache_of_jax_is_on(tmp_path):
     """What comes from there and is written again crashes when it is run."""
+    before = jax.config.values["jax_compilation_cache_dir"]
+    jax.config.update("jax_enable_compilation_cache", True)
     jax.config.update("jax_compilation_cache_dir", str(tmp_path / "jax"))
     try:
         check(made(tmp_path)[1])
     finally:
-        jax.config.update("jax_compilation_cache_dir", None)
+        jax.config.update("jax_compilation_cache_dir", before)
     assert not kept(tmp_path)
 
 

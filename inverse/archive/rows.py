@@ -116,12 +116,11 @@ def failed(task: Task, reason: str, seconds: float = 0.0) -> dict[str, Any]:
     A row is that of its photographs' bytes: copies, and the file under another name, have it too. So it names no file.
     """
     times = sorted(time for time in task.times if time)
-    reason = printable(reason)
     for path in sorted(task.paths, key=len, reverse=True):
-        reason = reason.replace(printable(path), "The photograph")
+        reason = reason.replace(path, "The photograph").replace(printable(path), "The photograph")
     return _common(task, seconds) | {
         "status": FAILED,
-        "error": " ".join(reason.split()),
+        "error": printable(" ".join(reason.split())),
         "utc": (times or [None])[0],
     }
 

@@ -81,16 +81,15 @@ def tempered(log_ratio: np.ndarray) -> np.ndarray:
         weight = np.exp(power * (finite - finite.max()))
         return weight / weight.sum()
 
+    def enough(power):
+        return 1.0 / np.sum(weights(power) ** 2) >= FEWEST
+
+    if enough(1.0):
+        return weights(1.0)
     low, high = 0.0, 1.0
     for _ in range(30):
-        power = high if high == 1.0 and low == 0.0 else 0.5 * (low + high)
-        if 1.0 / np.sum(weights(power) ** 2) >= FEWEST:
-            low = power
-        else:
-            high = power
-        if low == 1.0:
-            break
-        high = high if high < 1.0 else np.nextafter(1.0, 0.0)
+        power = 0.5 * (low + high)
+        low, high = (power, high) if enough(power) else (low, power)
     return weights(low)
 
 

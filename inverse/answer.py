@@ -174,7 +174,8 @@ def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> di
     found = {
         f"error.{number}.{name}": getattr(one, name) for number, one in enumerate(likelihood.errors) for name in FITTED
     }
-    return {**vars(optimum), **found, "draws": -1 if draws is None else draws}
+    assert likelihood.carried_at is not None
+    return {**vars(optimum), **found, "carried_at": likelihood.carried_at, "draws": -1 if draws is None else draws}
 
 
 def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, Likelihood, int | None]:
@@ -187,6 +188,7 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
         int(numbers.get("not_finite", 0)),
     )  # fmt: skip
+    likelihood = likelihood.carried(np.asarray(numbers["carried_at"]))
     fitted = tuple(
         replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})
         for number, one in enumerate(likelihood.errors)

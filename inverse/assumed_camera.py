@@ -1,10 +1,10 @@
 """What a photograph's values say of the light, were its camera the one assumed beforehand.
 
 How errors of the light become errors of values hangs on the camera: its contrast, and how much of the red its matrix
-takes from the blue. If it hung on the camera that is fitted, errors would be part of what is fitted: an end where they
-are large makes every misfit small, and the determinant that should pay for it counts thousands of cells whose errors
-are known to no better than a fifth. So they are those that the camera at the middle of its prior makes of the
-photograph as it is, the same for every limb; how large they are is fitted (`inverse.noise_fit`).
+takes from the blue. While that is being fitted it cannot hang on the camera that is fitted: an end where errors are
+large makes every misfit small, and the determinant that should pay for it counts thousands of cells whose errors are
+known to no better than a fifth. So a fit begins with those that the camera at the middle of its prior makes of the
+photograph as it is, and then takes those of the best end (`Likelihood.carried`).
 """
 
 import equinox as eqx

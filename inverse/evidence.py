@@ -179,7 +179,7 @@ def _placed(
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, errors = [], [], []
+    models, data, sources, errors = [], [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
@@ -203,13 +203,15 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
         data.append(observed(np.log(scale), usable, limit, on_disc))
         pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
-        smooth, black = noise.modes_of(position, offset, on_disc), noise.black_modes(value, floor, usable)
-        sources = noise.Sources(pixels, relief, smooth, black, usable, on_disc)
-        errors.append(sources.errors(response(model, value)))
+        smooth = noise.modes_of(position, offset, on_disc)
+        sources.append(noise.Sources(pixels, relief, smooth, floor, usable, on_disc))
+        errors.append(sources[-1].errors(value, response(model, value)))
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
-    likelihood = Likelihood(shadow, tuple(models), tuple(data), tuple(errors), places(shared, models))
+    likelihood = Likelihood(
+        shadow, tuple(models), tuple(data), tuple(sources), tuple(errors), places(shared, models)
+    )  # fmt: skip
     groups: dict[object, list[int]] = {}
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)

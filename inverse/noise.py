@@ -86,7 +86,8 @@ class Errors:
         """The same variance of every datum, all of it independent: what is usually assumed, and wrong."""
         variance = (self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)).reshape(len(self.cells), -1)
         cells = variance[:, :, None] * np.eye(variance.shape[1])
-        return replace(self, cells=cells, independent=1.0, outlying=1.0, smooth=1e-9, chromatic=1e-9)
+        none = np.zeros((variance.size, 1))
+        return replace(self, cells=cells, modes=none, common=1, black=0, independent=1.0, outlying=1.0)
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Whitener:
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """Of residuals (datum,) or of many side by side (datum, column)."""
         scaled = self.alone(residual)
-        return scaled + self.basis @ ((self.basis.T @ scaled).T * self.shrink).T
+        return scaled + (((scaled.T @ self.basis) * self.shrink) @ self.basis.T).T
 
 
 def whitener(alone: Alone, low_rank: np.ndarray) -> Whitener:
@@ -125,7 +126,7 @@ def whitener(alone: Alone, low_rank: np.ndarray) -> Whitener:
     kept = eigenvalue > 1e-9 * max(eigenvalue.max(), 1e-300)
     basis = np.where(kept, scaled @ vector / np.sqrt(np.where(kept, eigenvalue, 1.0)), 0.0)
     shrink = np.where(kept, 1.0 / np.sqrt(1.0 + np.where(kept, eigenvalue, 0.0)) - 1.0, 0.0)
-    return Whitener(alone, basis, shrink)
+    return Whitener(alone, np.asfortranarray(basis), shrink)  # columns in a row each: products of few rows take half
 
 
 def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
@@ -197,23 +198,24 @@ class Sources:
     - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
     - `relief`: relative error of each cell's light, alike in all channels (cell,).
     - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
-    - `black`: `black_modes` (datum, mode).
+    - `floor`: of the log values [full scale].
     - `usable`: (cell, 3); `on_disc`: (cell,).
     """
 
     noise: np.ndarray
     relief: np.ndarray
     smooth: np.ndarray
-    black: np.ndarray
+    floor: float
     usable: np.ndarray
     on_disc: np.ndarray
 
-    def errors(self, response: np.ndarray) -> Errors:
-        """Errors of the light, as a camera makes errors of its values of them.
+    def errors(self, value: np.ndarray, response: np.ndarray) -> Errors:
+        """Errors of the light, as a camera makes errors of its values of them, and those of values near black.
 
         The map and the limb err in light; a camera's matrix takes most of the red from the green and the blue of a
         deep red Moon, and makes the errors of their colour several times as large.
 
+        - `value`: decoded (cell, 3) [full scale].
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         """
         response = np.where(self.usable[..., None], response, 0.0)
@@ -228,4 +230,5 @@ class Sources:
         tint = (TINT**2 + CHROMATIC**2 * left)[:, None, None]
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
-        return Errors(cells, np.concatenate([*blocks, self.black], axis=1), rank, self.black.shape[1])
+        black = black_modes(value, self.floor, self.usable)
+        return Errors(cells, np.concatenate([*blocks, black], axis=1), rank, black.shape[1])

@@ -1,6 +1,7 @@
 """The best of the optima that several starts lead to, with errors as large as the photographs say.
 
-Errors are the same for every limb and camera (`inverse.assumed_camera`), so that ends can be compared by their cost.
+Ends are compared by their cost, and so all have to have the same errors: at first those of the camera assumed
+beforehand (`inverse.assumed_camera`), then those that the best end carries, with which all are sought anew.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,8 +20,7 @@ STARTED = ("clouds.top", "dust.extinction", "air.surface_temperature")
 STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2))
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
 ROUGH = 1e-3  # relative change of the cost at which descents end that are only compared
-TURNS = 2  # of errors and descents from the best
-STAGES = len(STARTS) + TURNS
+STAGES = 2 * len(STARTS) + 1
 
 
 def best(
@@ -31,28 +31,40 @@ def best(
     - `neighbours`: of the cells of each photograph, as `fitted_errors` takes them.
     - `report`: called with the number of `STAGES` done.
     """
-    ends = []
+    first = []
     for number, start in enumerate(starts(likelihood), 1):
-        ends.append(roughly(likelihood, start))
+        first.append(roughly(likelihood, start))
         report(number)
-    optimum = min(ends, key=lambda end: end.cost)
-    if not np.isfinite(optimum.cost):
+    likelihood = _with_errors(likelihood, _lowest(first), neighbours)
+    ends = []
+    for number, end in enumerate(first, len(first) + 1):
+        ends.append(descend(likelihood, end.z, ROUGH))
+        report(number)
+    likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
+    optimum = descend(likelihood, _lowest(ends).z)
+    report(STAGES)
+    lost = sum(end.not_finite for end in (*first, *ends, optimum))
+    return replace(optimum, costs=tuple(end.cost for end in ends), not_finite=lost), likelihood
+
+
+def _lowest(ends: Sequence[Optimum]) -> Optimum:
+    """The end of the lowest cost; `InputError` where none is finite."""
+    end = min(ends, key=lambda end: end.cost)
+    if not np.isfinite(end.cost):
         raise InputError(
             "No limb and no camera gives these photographs a finite probability: check that they show this eclipse."
         )
-    lost = sum(end.not_finite for end in ends)
-    for number in range(TURNS):
-        each = zip(
-            likelihood.errors, likelihood.misfits_and_slopes(optimum.z), likelihood.observed, neighbours, strict=True
-        )
-        likelihood = replace(likelihood, errors=tuple(
-            fitted_errors(errors, misfit, slopes, np.asarray(observed.measured), around)
-            for errors, (misfit, slopes), observed, around in each
-        ))  # fmt: skip
-        optimum = descend(likelihood, optimum.z)
-        lost += optimum.not_finite
-        report(len(STARTS) + number + 1)
-    return replace(optimum, costs=tuple(end.cost for end in ends), not_finite=lost), likelihood
+    return end
+
+
+def _with_errors(likelihood: Likelihood, end: Optimum, neighbours: Sequence[np.ndarray]) -> Likelihood:
+    """The likelihood with the errors that an end carries, as large as its misfits say."""
+    likelihood = likelihood.carried(end.z)
+    each = zip(likelihood.errors, likelihood.misfits_and_slopes(end.z), likelihood.observed, neighbours, strict=True)
+    return replace(likelihood, errors=tuple(
+        fitted_errors(errors, misfit, slopes, np.asarray(observed.measured), around)
+        for errors, (misfit, slopes), observed, around in each
+    ))  # fmt: skip
 
 
 def starts(likelihood: Likelihood) -> list[np.ndarray]:

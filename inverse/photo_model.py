@@ -74,7 +74,8 @@ class Disc(eqx.Module):
 class PhotoModel(eqx.Module):
     """Everything that turns the table of the shadow and the nuisances into the cells of one photograph.
 
-    In two stages, so that the first is left out where geometry stands still: `seen`, the points of the Moon; `signal`.
+    In stages, so that the first is left out where geometry stands still: `seen`, the points of the Moon; `light`, what
+    falls on the sensor; `signal`.
     """
 
     geometry: Geometry
@@ -109,13 +110,17 @@ class PhotoModel(eqx.Module):
         )
         return cells, around
 
-    def signal(self, table: ShadowTable, seen, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
-        """Decoded pixel values of the cells [full scale]."""
-        nuisance = prior.values(self.parameters, z)
+    def light(self, table: ShadowTable, seen, nuisance) -> Float[Array, "cell 3"]:
+        """Light of the cells in the camera's channels, with glare and glow; `nuisance`: values by name."""
         cells, around = seen
         light, around = cells.light(table) * self.on_disc[:, None], around.light(table)
         light = (1.0 - nuisance["camera.glare"]) * light + nuisance["camera.glare"] * (self.wings @ around)
-        return developed(self, with_veil(light, around, nuisance), nuisance)
+        return with_veil(light, around, nuisance)
+
+    def signal(self, table: ShadowTable, seen, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
+        """Decoded pixel values of the cells [full scale]."""
+        nuisance = prior.values(self.parameters, z)
+        return developed(self, self.light(table, seen, nuisance), nuisance)
 
 
 class ProfileModel(eqx.Module):
@@ -140,11 +145,15 @@ class ProfileModel(eqx.Module):
         offset = jnp.abs(self.offset + prior.values(self.parameters, z)["pointing.offset"])
         return Surface(offset, jnp.full(offset.shape, self.distance), self.albedo)
 
+    def light(self, table: ShadowTable, seen: Surface, nuisance) -> Float[Array, "bin 3"]:
+        """Light of the bins in the camera's channels, with the glow; `nuisance`: values by name."""
+        light = seen.light(table)
+        return with_veil(light, light, nuisance)
+
     def signal(self, table: ShadowTable, seen: Surface, z: Float[Array, " parameter"]) -> Float[Array, "bin 3"]:
         """Decoded pixel values [full scale]."""
         nuisance = prior.values(self.parameters, z)
-        light = seen.light(table)
-        return developed(self, with_veil(light, light, nuisance), nuisance)
+        return developed(self, self.light(table, seen, nuisance), nuisance)
 
 
 def log_value(model, signal: Float[Array, "point 3"]) -> Float[Array, "point 3"]:

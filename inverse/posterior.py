@@ -6,7 +6,8 @@ order about the optimum alone it would not do: tone curve, colour matrix and exp
 three times too narrow was seen. A sampler then sees only the atmosphere.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -23,7 +24,9 @@ from inverse.observed import Observed
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
-STEPS = 4  # of the nuisances after the linear guess
+AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
+STEPS = 4  # of the nuisances after the linear guess, at most
+SETTLED = 0.05  # fall of the squares that is not worth another step
 SHORTER = 0.3  # a step that made things worse, when it is tried again
 
 
@@ -46,13 +49,14 @@ class LimbPosterior:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        value = log_density(z, np.concatenate([np.sum(part**2, axis=1) for part in self._parts(z)])[: len(z)])
+        squares = np.concatenate([np.sum(rows**2, axis=1) for rows in self._parts(z)])
+        value = log_density(z, squares)
         self._count(value)
         return value
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
         """Whitened misfits and the nuisances (draw, datum), whose squares make the `log_density`."""
-        found = np.concatenate(list(self._parts(z)))[: len(z)]
+        found = np.concatenate(list(self._parts(z)))
         self._count(np.sum(found, axis=1))
         return found
 
@@ -61,35 +65,44 @@ class LimbPosterior:
         self.not_finite += int(np.sum(~np.isfinite(values)))
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
-        """Misfits, `BATCH` points at a time, the last ones repeated."""
-        padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % BATCH, axis=0)])
-        for part in np.split(padded, len(padded) // BATCH):
-            yield self._best(part)
+        """Misfits, some points at a time."""
+        for begin in range(0, len(z), AT_ONCE):
+            yield self._best(z[begin : begin + AT_ONCE])
 
     def _best(self, limbs: np.ndarray) -> np.ndarray:
         """Misfits with the nuisances at their best: steps are taken from the best so far, shorter after a bad one."""
-        entries, count = _entries(self.likelihood.shadow, jnp.asarray(limbs)), self.slopes.shape[1]
+        entries = batched(partial(_entries, self.likelihood.shadow), limbs)
+        count, moving = self.slopes.shape[1], np.arange(len(limbs))
         best = self._rows(entries, self.optimum.nuisances(limbs))
         least, share = _squares(best), np.ones(len(limbs))
         for _ in range(STEPS):
-            known = np.where(np.isfinite(best), best, 0.0)
+            known = np.where(np.isfinite(best[moving]), best[moving], 0.0)
             step = cho_solve(self.information, (known[:, :-count] @ self.slopes + known[:, -count:]).T).T
-            rows = self._rows(entries, best[:, -count:] - share[:, None] * step)
-            better = _squares(rows) < least
-            best[better], least[better] = rows[better], _squares(rows)[better]
-            share = np.where(better, 1.0, SHORTER * share)
+            rows = self._rows(entries[moving], best[moving, -count:] - share[moving, None] * step)
+            squares = _squares(rows)
+            better, much = squares < least[moving], squares < least[moving] - SETTLED
+            share[moving] = np.where(better, 1.0, SHORTER * share[moving])
+            best[moving[better]], least[moving[better]] = rows[better], squares[better]
+            moving = moving[~better | much]
+            if not moving.size:
+                break
         return best
 
-    def _rows(self, entries, nuisances: np.ndarray) -> np.ndarray:
+    def _rows(self, entries: np.ndarray, nuisances: np.ndarray) -> np.ndarray:
         """Whitened misfits with these nuisances, and the nuisances (draw, datum)."""
-        each = [
-            errors.whitener(np.asarray(_misfits(model, observed, self.likelihood.shadow, entries, places)).T).T
-            for model, observed, errors, places in zip(
-                self.likelihood.models, self.likelihood.observed, self.likelihood.errors,
-                (jnp.asarray(nuisances[:, place - LIMB]) for place in self.likelihood.places), strict=True,
-            )
-        ]  # fmt: skip
+        one, each = self.likelihood, []
+        for model, observed, errors, place in zip(one.models, one.observed, one.errors, one.places, strict=True):
+            misfits = partial(_misfits, model, observed, one.shadow)
+            each.append(errors.whitener(batched(misfits, entries, nuisances[:, place - LIMB]).T).T)
         return np.concatenate([*each, nuisances], axis=1)
+
+
+def batched(function: Callable, *values: np.ndarray) -> np.ndarray:
+    """What a function compiled for `BATCH` points makes of any number of them, the last of which is repeated."""
+    count = len(values[0])
+    padded = [np.concatenate([each, np.repeat(each[-1:], -count % BATCH, axis=0)]) for each in values]
+    parts = zip(*(np.split(each, len(each) // BATCH) for each in padded), strict=True)
+    return np.concatenate([np.asarray(function(*map(jnp.asarray, part))) for part in parts])[:count]
 
 
 def log_density(z: np.ndarray, squares: np.ndarray) -> np.ndarray:

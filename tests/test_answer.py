@@ -140,13 +140,17 @@ class Erring:
     """What a beginning wants of a `Likelihood`."""
 
     errors: tuple
+    carried_at: np.ndarray | None = None
+
+    def carried(self, z):
+        return replace(self, carried_at=z)
 
 
 def test_a_beginning_comes_back_from_numbers():
     optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2)
     before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
-    prepared, found = Erring((before,)), Erring((fitted,))
+    prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]))
     for draws in (None, 0, 640):
         numbers = {name: np.asarray(value) for name, value in beginning(optimum, found, draws).items()}
         same, likelihood, given = begun(numbers, prepared)
@@ -154,5 +158,6 @@ def test_a_beginning_comes_back_from_numbers():
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
         assert same.not_finite == 2
+        assert np.array_equal(likelihood.carried_at, found.carried_at)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
         assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

@@ -13,12 +13,12 @@ from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import geometry
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
-from inverse import prior
+from inverse import assumed_camera, prior
 from inverse.evidence import gather, prepare
-from inverse.likelihood import LIMB, places
+from inverse.likelihood import LIMB, places, response
 from inverse.limb_light import shadow_light, shadow_of
 from inverse.map_estimate import quadratic
-from inverse.photo_model import COLOUR_MATRIX, developed
+from inverse.photo_model import COLOUR_MATRIX, developed, log_value, signal
 from tests import synthetic
 
 
@@ -110,6 +110,41 @@ def synthetic_likelihood(tmp_path_factory):
     return prepare(evidence)
 
 
+def test_errors_are_carried_as_light_is(synthetic_likelihood):
+    """A per cent more light in one channel of the shadow, and what the values make of it."""
+    one = synthetic_likelihood
+    model, names = one.models[0], [parameter.name for parameter in one.models[0].parameters]
+    z = 0.5 * np.random.default_rng(3).standard_normal(len(one.parameters))
+    z[LIMB + names.index("camera.veil")] = -30.0  # its brightness hangs on all channels together
+    table, nuisance = shadow_light(one.shadow, jnp.asarray(z[:LIMB])), jnp.asarray(z[LIMB:])
+    value, slopes = response(model, table, nuisance)
+    np.testing.assert_allclose(value, signal(model, table, nuisance), rtol=1e-12)
+    for channel, unit in enumerate(0.005 * np.eye(3)):
+        high, low = (
+            log_value(model, signal(model, one.shadow.table(table.log_light + sign * unit), nuisance))
+            for sign in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(slopes[..., channel], (high - low) / 0.01, rtol=1e-3, atol=1e-4)
+
+
+def test_a_cell_that_an_error_made_too_dark_is_not_taken_for_sure(synthetic_likelihood):
+    """Errors are those of the light that the model sees; those of what a value tells of are too small near black."""
+    z = np.zeros(len(synthetic_likelihood.parameters))
+    z[LIMB] = -1.5  # the gain: an exposure that leaves half of the disc near black
+    model = synthetic_likelihood.models[0]
+    table = shadow_light(synthetic_likelihood.shadow, jnp.asarray(z[:LIMB]))
+    value, slopes = (np.asarray(part) for part in response(model, table, jnp.asarray(z[LIMB:])))
+    carried = synthetic_likelihood.carried(z)
+    assert np.array_equal(carried.carried_at, z)
+    assert np.array_equal(carried.errors[0].cells, synthetic_likelihood.sources[0].errors(value, slopes).cells)
+    floor = float(model.floor)
+    near_black = (value < 2.0 * floor) & (value > 0.2 * floor)
+    assert near_black.sum() > 50
+    too_dark = assumed_camera.response(model, 0.6 * value)
+    ratio = np.abs(too_dark).sum(axis=2)[near_black] / np.abs(slopes).sum(axis=2)[near_black]
+    assert np.median(ratio) < 0.85
+
+
 def test_slopes_agree_with_differences(synthetic_likelihood):
     random = np.random.default_rng(7)
     z = 0.3 * random.standard_normal(len(synthetic_likelihood.parameters))
@@ -128,7 +163,7 @@ def test_the_same_photograph_twice_is_twice_the_evidence(synthetic_likelihood):
     one = synthetic_likelihood
     everything = {parameter.name: 0 for parameter in one.models[0].parameters}
     models = one.models * 2
-    two = replace(one, models=models, observed=one.observed * 2, errors=one.errors * 2,
+    two = replace(one, models=models, observed=one.observed * 2, sources=one.sources * 2, errors=one.errors * 2,
                   places=places([everything, everything], models))  # fmt: skip
     z = 0.1 * np.random.default_rng(8).standard_normal(len(one.parameters))
     single, double = quadratic(one, z), quadratic(two, z)

@@ -50,9 +50,12 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
     """Errors of pixels, and smooth ones of the light; the modes leave nothing."""
     cells = len(modes)
     usable = np.broadcast_to(usable, (cells, 3))
-    return noise.Sources(
-        np.full((cells, 3), sigma), np.full(cells, relief), modes, np.zeros((3 * cells, 0)), usable, np.zeros(cells)
-    )  # fmt: skip
+    return noise.Sources(np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, usable, np.zeros(cells))
+
+
+def bright(modes):
+    """Values of cells so far from black that nothing is wrong with them for being near it."""
+    return np.full((len(modes), 3), 1e4)
 
 
 def test_a_colour_matrix_mixes_the_errors_of_the_light():
@@ -60,8 +63,10 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     cells, modes = len(position), noise.smooth_modes(position, offset)
     matrix = np.array([[1.2, -0.3, 0.1], [0.0, 1.5, -0.5], [-1.0, -0.4, 2.4]])
     usable = np.random.default_rng(2).uniform(size=(cells, 3)) > 0.1
-    errors = sources(0.02, modes, relief=0.05, usable=usable).errors(np.broadcast_to(matrix, (cells, 3, 3)))
-    scaled = errors.modes * errors.amplitudes
+    errors = sources(0.02, modes, relief=0.05, usable=usable).errors(
+        bright(modes), np.broadcast_to(matrix, (cells, 3, 3))
+    )  # fmt: skip
+    scaled = (errors.modes * errors.amplitudes)[:, : -errors.black]
     mixed = noise.COMMON**2 * np.outer(matrix.sum(axis=1), matrix.sum(axis=1)) + noise.CHROMATIC**2 * matrix @ matrix.T
     wanted = np.einsum("ij,kl->ikjl", modes @ modes.T, mixed).reshape(3 * cells, 3 * cells)
     used = usable.ravel()
@@ -78,8 +83,9 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     around = 1.3 * np.stack([np.cos(np.arange(20)), np.sin(np.arange(20))], axis=1)
     position, offset = np.concatenate([position, around]), np.concatenate([offset, np.zeros(20)])
     modes = noise.modes_of(position, offset, on_disc)
-    errors = sources(0.05, modes).errors(np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
-    smooth = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
+    errors = sources(0.05, modes).errors(bright(modes), np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
+    whole = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
+    smooth = whole[..., : -errors.black]
     together = smooth[~on_disc, 0] @ smooth[~on_disc, 1].T
     assert np.sqrt(np.diag(together).min()) >= noise.SKY and together.mean() == pytest.approx(noise.SKY**2, rel=0.1)
     assert not (smooth[on_disc, 0] @ smooth[~on_disc, 0].T).any()
@@ -88,7 +94,7 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     np.testing.assert_allclose(both, noise.COMMON**2 * variance)
     np.testing.assert_allclose(red, (noise.COMMON**2 + noise.CHROMATIC**2) * variance)
     residual = np.random.default_rng(1).standard_normal(3 * on_disc.size)
-    flat = smooth.reshape(residual.size, -1)
+    flat = whole.reshape(residual.size, -1)
     covariance = np.asarray(block_diag(*errors.cells)) + flat @ flat.T
     expected = residual @ np.linalg.solve(covariance, residual)
     assert np.sum(errors.whitener(residual) ** 2) == pytest.approx(expected, rel=1e-9)
@@ -103,9 +109,9 @@ def test_what_the_modes_leave_is_independent():
     on_disc = np.arange(len(position)) < len(position) - 10
     modes = noise.smooth_modes(position, offset) * on_disc[:, None]
     cells, usable = len(modes), np.full((len(modes), 3), True)
-    every = noise.Sources(
-        np.full((cells, 3), 0.01), np.zeros(cells), modes, np.zeros((3 * cells, 0)), usable, on_disc
-    ).errors(np.broadcast_to(np.eye(3), (cells, 3, 3)))  # fmt: skip
+    every = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, usable, on_disc).errors(
+        bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3))
+    )  # fmt: skip
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
     )

@@ -7,14 +7,15 @@ import pytest
 
 from inverse import noise
 from inverse.noise_fit import fitted_errors
-from tests.test_noise import disc, sources
+from tests.test_noise import bright, disc, sources
 
 
 @pytest.fixture(scope="module")
 def before():
     position, offset = disc(30)
     response = np.broadcast_to(np.eye(3), (len(position), 3, 3))
-    errors = sources(0.05, noise.smooth_modes(position, offset)).errors(response)
+    modes = noise.smooth_modes(position, offset)
+    errors = sources(0.05, modes).errors(bright(modes), response)
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     return errors, np.argsort(apart, axis=1)[:, :9]
 

@@ -1,6 +1,6 @@
 """Of several ends the best is taken, and errors are as large as the photograph says there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -33,6 +33,10 @@ class TwoEnds:
     errors: tuple = (Errors(np.full((DATA, 1, 1), 0.05**2), np.full((DATA, 1), 1e-6), 1),)
     parameters: tuple = (*prior.ATMOSPHERE, *prior.PHOTOGRAPH)
     observed: tuple = (Observed(np.ones(DATA)),)
+    carried_at: np.ndarray | None = None
+
+    def carried(self, z):
+        return replace(self, carried_at=z)
 
     def columns(self, number):
         return np.arange(len(self.parameters))
@@ -66,6 +70,7 @@ def test_the_end_that_misses_less_is_taken(worse, end):
     assert optimum.z[TOP] == pytest.approx(end, abs=0.2)
     assert max(optimum.costs) > min(optimum.costs) + 20.0
     assert likelihood.errors[0].independent == pytest.approx(SCATTER, rel=0.3)
+    assert likelihood.carried_at[TOP] == pytest.approx(optimum.z[TOP], abs=0.1)
 
 
 def test_photographs_that_are_nowhere_probable_are_refused():

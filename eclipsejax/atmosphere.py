@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from eclipsejax.air import Air
 from eclipsejax.constants import ATMOSPHERE_TOP, DOBSON_UNIT
+from eclipsejax.errors import InputError
 from eclipsejax.sounding import Sounding
 from eclipsejax.spectra import ozone_cross_section
 from eclipsejax.traced import ascending, real
@@ -168,6 +169,7 @@ class Atmosphere(eqx.Module):
     @property
     def ray_breaks(self) -> Float[Array, " breaks"]:
         """Altitudes where a profile is not smooth: all of `breaks` but the clouds' [m]."""
+        self._one_place()
         edges = [jnp.asarray([0.0, ATMOSPHERE_TOP]), self.air.breaks]
         if self.dust is not None:
             edges.append(jnp.stack([self.dust.base, self.dust.top]))
@@ -176,17 +178,20 @@ class Atmosphere(eqx.Module):
     @property
     def breaks(self) -> Float[Array, " breaks"]:
         """Altitudes where a profile is not smooth, or the clouds' transmission changes fast, ascending [m]."""
+        breaks = self.ray_breaks
         if self.clouds is None:
-            return self.ray_breaks
+            return breaks
         around = self.clouds.top + self.clouds.width * jnp.asarray([-1.0, 0.0, 1.0])
-        return ascending(jnp.concatenate([self.ray_breaks, _inside(around)]))
+        return ascending(jnp.concatenate([breaks, _inside(around)]))
 
     def dispersion(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
         """Refractivity of air at 15 C and 1013.25 hPa [-]."""
+        self._one_place()
         return self.air.dispersion(wavelength)
 
     def coefficients(self, wavelength: Float[Array, ""]) -> Float[Array, " constituent"]:
         """Spectrum of each constituent; times its profile, extinction [1/m]."""
+        self._one_place()
         return jnp.stack([part.coefficient(wavelength) for part in self.constituents])
 
     def profiles(self, altitude: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, " constituent"]]:
@@ -209,6 +214,18 @@ class Atmosphere(eqx.Module):
         if self.clouds is None:
             return jnp.ones_like(tangent_height)
         return self.clouds.limb_transmission(tangent_height)
+
+    def _one_place(self) -> None:
+        if any(jax.tree.leaves(varying(self))):
+            raise InputError("This wants air that is the same all around: give one of the atmospheres along the limb.")
+
+
+def varying(atmosphere: Atmosphere):
+    """Tree of whether each leaf has an axis along the limb (`limb_sectors.along_limb`)."""
+    air = atmosphere.air
+    profiles = (air.levels, air.temperatures, air.pressures) if isinstance(air, Sounding) else ()
+    own = {id(leaf) for leaf in profiles}
+    return jax.tree.map(lambda leaf: jnp.ndim(leaf) > (id(leaf) in own), atmosphere)
 
 
 def _inside(altitudes):

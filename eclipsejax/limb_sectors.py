@@ -13,13 +13,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from eclipsejax.arc import sector_moments
-from eclipsejax.atmosphere import Atmosphere
+from eclipsejax.atmosphere import Atmosphere, varying
 from eclipsejax.constants import ATMOSPHERE_TOP, EARTH_RADIUS
 from eclipsejax.errors import InputError
 from eclipsejax.limb_shape import Ground, LimbShape
 from eclipsejax.limb_table import limb_table
 from eclipsejax.ring import AXIS, LimbRays, Sky, ring_light
-from eclipsejax.sounding import Sounding
 from eclipsejax.sunlight import sky_angle, whole_sun
 
 FEWEST = 4  # sectors: a sector reaches a quarter of the way around at most
@@ -54,12 +53,9 @@ def limb_axes(atmosphere):
     atmosphere is the same all around."""
     if not isinstance(atmosphere, Atmosphere):
         return 0, None
-    levels = ()
-    if isinstance(atmosphere.air, Sounding):
-        levels = atmosphere.air.levels, atmosphere.air.temperatures, atmosphere.air.pressures
-    own = {id(leaf) for leaf in levels}
-    varies = lambda leaf: jnp.ndim(leaf) > (id(leaf) in own)
-    counts = {jnp.shape(leaf)[0] for leaf in jax.tree.leaves(atmosphere) if varies(leaf)}
+    varies = varying(atmosphere)
+    pairs = zip(jax.tree.leaves(atmosphere), jax.tree.leaves(varies), strict=True)
+    counts = {jnp.shape(leaf)[0] for leaf, own in pairs if own}
     if not counts:
         return 0, None
     if len(counts) > 1 or min(counts) < FEWEST:
@@ -67,7 +63,7 @@ def limb_axes(atmosphere):
             f"An atmosphere along the limb needs the same number of places, {FEWEST} or more, in all its parts, "
             f"not {sorted(counts)}."
         )
-    return counts.pop(), jax.tree.map(lambda leaf: 0 if varies(leaf) else None, atmosphere)
+    return counts.pop(), jax.tree.map(lambda own: 0 if own else None, varies)
 
 
 def is_lopsided(atmosphere, shape: LimbShape | None = None) -> bool:

@@ -8,12 +8,14 @@ in one list, from the top of the air down, so that their number is that of the c
 panels.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float, Int
 
 from eclipsejax.constants import EARTH_RADIUS
@@ -21,6 +23,7 @@ from eclipsejax.limb import clustered
 from eclipsejax.limb_table import LimbTable, chebyshev, chebyshev_derivative, chebyshev_nodes
 from eclipsejax.sky_cells import SkyCells, functions
 from eclipsejax.sunlight import sky_angle, solid_angle
+from eclipsejax.traced import derivative_only
 
 _GRID = 24  # points on which a branch is searched for a cut
 _NEWTON = 2
@@ -61,18 +64,40 @@ def branches(table: LimbTable, coefficients, distance, sun_distance) -> Branches
     )
 
 
-def series(coefficients: Float[Array, "... row coefficient"], u: Float[Array, "row ..."]) -> Array:
-    """Chebyshev series of u on [0, 1], one for each row, (..., *u.shape); term by term, so that no basis is kept in
-    memory. Several series of the same u are worked out for little more than one."""
+@partial(jax.jit, inline=True)  # traced once for each shape, which takes long enough
+def _series(coefficients, panel, u):
     x = 2.0 * u - 1.0
-    *sets, count = coefficients.shape
-    terms = jnp.moveaxis(coefficients, -1, 0).reshape(count, *sets, *[1] * (u.ndim - 1))
     before, last = jnp.ones_like(x), x
-    total = terms[0] + terms[1] * x
-    for term in terms[2:]:
+    first, second, *terms = coefficients.T[:, panel]
+    total = first + second * x
+    for term in terms:
         before, last = last, 2.0 * x * last - before
         total = total + term * last
     return total
+
+
+@jax.custom_jvp
+def series(coefficients: Float[Array, "panel coefficient"], panel, u: Float[Array, "... row"]) -> Array:
+    """Chebyshev series of u on [0, 1], that of a panel for each row; term by term, so that no basis is kept in memory.
+
+    Rows stand last: the processor takes several at once. Its slope by u is again a series, worked out once for all
+    parameters that move u.
+
+    - `panel`: the panel of each row.
+    """
+    return _series(coefficients, panel, u)
+
+
+@partial(series.defjvp, symbolic_zeros=True)
+def _(primals, tangents):
+    coefficients, panel, u = primals
+    changed, _, moved = tangents
+    total = jnp.zeros_like(u)
+    if not isinstance(changed, SymbolicZero):
+        total = total + _series(changed, panel, u)
+    if not isinstance(moved, SymbolicZero):
+        total = total + _series(chebyshev_derivative(coefficients), panel, u) * moved
+    return _series(coefficients, panel, u), total
 
 
 def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) -> Float[Array, "side cell function"]:
@@ -83,18 +108,19 @@ def cell_flux(rays: Branches, limb_transmission, cells: SkyCells, order: int) ->
     """
     piece = _pieces(rays.psi, cells)
     node, weight = clustered(order)
-    u = piece.start[:, None] + (piece.stop - piece.start)[:, None] * node
-    height = (rays.upper - rays.lower)[piece.panel][:, None]
-    clear = limb_transmission(rays.upper[piece.panel][:, None] - height * u**2)
-    along = jnp.stack([rays.psi, rays.depth, rays.solid_angle])
-    psi, depth, angle = series(along[:, piece.panel], u)
-    flux = jnp.exp(-depth) * clear * angle * jnp.abs(piece.stop - piece.start)[:, None] * weight
+    u = piece.start + (piece.stop - piece.start) * node[:, None]
+    # One after the other, for derivatives' sake: what dims light but does not bend it has those of the depth alone.
+    psi, depth, angle = (series(one, piece.panel, u) for one in (rays.psi, rays.depth, rays.solid_angle))
+    height = (rays.upper - rays.lower)[piece.panel]
+    clear = limb_transmission(rays.upper[piece.panel] - height * u**2)
+    flux = jnp.exp(-depth) * clear * angle * jnp.abs(piece.stop - piece.start) * weight[:, None]
 
     lower, upper = (cells.edges[jnp.clip(piece.cell + side, 0, cells.count)] for side in (0, 1))
-    within = (jnp.abs(psi) - lower[:, None]) / jnp.where(upper > lower, upper - lower, 1.0)[:, None]
+    within = (jnp.abs(psi) - lower) / jnp.where(upper > lower, upper - lower, 1.0)
     basis = functions(jnp.clip(within, 1e-12, 1.0 - 1e-12))
+    moments = jnp.stack([jnp.sum(flux * basis[..., k], axis=0) for k in range(basis.shape[-1])], axis=-1)
     seen = piece.counts & (piece.cell >= 0) & (piece.cell < cells.count)
-    moments = jnp.where(seen[:, None], jnp.einsum("pn,pnk->pk", flux, basis), 0.0)
+    moments = jnp.where(seen[:, None], moments, 0.0)
     # Rays whose angle is NaN lie in no cell, and would pass for darkness.
     moments = jnp.where(jnp.isfinite(jnp.sum(rays.psi)), moments, jnp.nan)
     place = piece.crossed.astype(int), jnp.clip(piece.cell, 0, cells.count - 1)
@@ -115,20 +141,20 @@ class _Pieces(NamedTuple):
 def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
     """Cut every branch of psi(u) at the edges of the cells."""
     panels, count = psi.shape[0], cells.count
+    moving, psi = psi, jax.lax.stop_gradient(psi)
     slope = chebyshev_derivative(psi)
-    frozen_psi, frozen_slope = jax.lax.stop_gradient((psi, slope))
 
     # Branches from the top of the air down, each from its highest psi to its lowest.
     panel = np.repeat(np.arange(panels)[::-1], len(_FALLS))
     begin, end = (jnp.asarray(np.tile(shares, panels)) for shares in ((0.0, *_FALLS[:-1]), (0.0, *_FALLS[1:])))
-    summit = _summits(frozen_psi, frozen_slope)[panel]
+    summit = _summits(psi, slope)[panel]
     start = summit + (1.0 - summit) * begin
     stop = jnp.where(end > 0.0, summit + (1.0 - summit) * end, 0.0)
-    u_line = start[:, None] + (stop - start)[:, None] * np.linspace(0.0, 1.0, _GRID)
-    psi_line = series(frozen_psi[panel], u_line)
+    u_line = start + (stop - start) * np.linspace(0.0, 1.0, _GRID)[:, None]
+    psi_line = series(psi, panel, u_line)
 
     # The list of pieces: how many each branch has, then branch and cell of each.
-    first, last = (_signed_cell(psi_line[:, side], cells) for side in (0, -1))
+    first, last = (_signed_cell(psi_line[side], cells) for side in (0, -1))
     number = first - last + 1
     ends = jnp.cumsum(number)
     piece = jnp.arange(2 * count + 2 * panel.size)
@@ -139,29 +165,28 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
 
     # A piece ends where psi passes the lower edge of its cell (of -|psi|, the upper), if its branch gets there.
     edge = jnp.where(cell > 0, 1.0, -1.0) * cells.edges[jnp.clip(jnp.maximum(cell - 1, -cell), 0, count)]
-    cut = _crossing(jnp.stack([frozen_psi, frozen_slope])[:, here], psi_line[branch], u_line[branch], edge)
-    # One more step of Newton's, which does not move the cut but carries its derivative (implicit function theorem).
-    there, steep = series(jnp.stack([psi, frozen_slope])[:, here], cut)
-    moved = (there - edge) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf)
-    cut = cut - (moved - jax.lax.stop_gradient(moved))
-    cut = jnp.where(edge > psi_line[branch, -1], cut, stop[branch])
+    cut = _crossing(psi, slope, here, psi_line[:, branch], u_line[:, branch], edge)
+    # The derivative of the cut, by the implicit function theorem.
+    steep = series(slope, here, cut)
+    cut = cut - derivative_only(series(moving, here, cut) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf))
+    cut = jnp.where(edge > psi_line[-1, branch], cut, stop[branch])
     before = jnp.where(rank == 0, start[branch], jnp.roll(cut, 1))
     return _Pieces(here, before, cut, jnp.abs(cell) - 1, cell < 0, piece < ends[-1])
 
 
-def _crossing(psi_and_slope, psi_line, u_line, edge):
+def _crossing(psi, slope, panel, psi_line, u_line, edge):
     """u at which each falling psi(u) passes an edge: between two points of its line, then by Newton's steps."""
-    above = jnp.clip(jnp.sum(psi_line > edge[:, None], axis=1), 1, _GRID - 1)[:, None]
+    above = jnp.clip(jnp.sum(psi_line > edge, axis=0), 1, _GRID - 1)[None]
     (u0, u1), (psi0, psi1) = (
-        [jnp.take_along_axis(line, index, axis=1)[:, 0] for index in (above - 1, above)] for line in (u_line, psi_line)
+        [jnp.take_along_axis(line, index, axis=0)[0] for index in (above - 1, above)] for line in (u_line, psi_line)
     )
     rise = psi1 - psi0
     u = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
     for _ in range(_NEWTON):
-        there, steep = series(psi_and_slope, u)
+        there, steep = series(psi, panel, u), series(slope, panel, u)
         step = (there - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
         u = jnp.clip(u - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
-    return jax.lax.stop_gradient(u)
+    return u
 
 
 def _signed_cell(psi, cells):
@@ -171,11 +196,13 @@ def _signed_cell(psi, cells):
 
 def _summits(psi, slope):
     """u of the largest psi of each panel: 0, or the end of the hook."""
-    slopes = jnp.stack([slope, chebyshev_derivative(slope)])
+    panel, curvature = np.arange(len(psi)), chebyshev_derivative(slope)
     grid = jnp.asarray(np.linspace(0.0, 1.0, _GRID))
     u = grid[jnp.argmax(psi @ chebyshev(grid, psi.shape[-1]).T, axis=1)]
     hooked = u > 0.0
-    for _ in range(4):
-        steep, curved = series(slopes, u)
-        u = jnp.clip(u - steep / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
-    return jnp.where(hooked, u, 0.0)
+
+    def climb(_, u):
+        steep, curved = series(slope, panel, u), series(curvature, panel, u)
+        return jnp.clip(u - steep / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
+
+    return jnp.where(hooked, jax.lax.fori_loop(0, 4, climb, u), 0.0)

@@ -1,5 +1,8 @@
-"""How a number becomes a field of a module, a short sort, and square roots that can be differentiated at zero."""
+"""How a number becomes a field of a module, a short sort, roots that can be differentiated at zero, and derivatives."""
 
+from collections.abc import Callable, Sequence
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -29,3 +32,29 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """Square root, 0 with gradient 0 for x <= 0 (a single `where` would give the gradient NaN there)."""
     positive = x > 0.0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+
+
+@jax.custom_jvp
+def derivative_only(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Zero, with the derivatives of x."""
+    return jnp.zeros_like(x)
+
+
+@derivative_only.defjvp
+def _(primals, tangents):
+    return jnp.zeros_like(primals[0]), tangents[0]
+
+
+def slopes(function: Callable, numbers: Sequence[Float[Array, ""]]) -> tuple[Array, Float[Array, "number ..."]]:
+    """Value of a function of several numbers, and its derivatives by each.
+
+    Each by itself, so that what a number does not touch is not worked out for it: dust dims light but bends no ray.
+    The function must take the numbers apart, not in an array, where they could not be told from one another.
+    """
+
+    def by(index):
+        of_one = lambda one: function([*numbers[:index], one, *numbers[index + 1 :]])
+        return jax.jvp(of_one, (numbers[index],), (jnp.ones_like(numbers[index]),))
+
+    values, derivatives = zip(*(by(index) for index in range(len(numbers))), strict=True)
+    return values[0], jnp.stack(derivatives)

@@ -4,7 +4,6 @@ from functools import cache
 from importlib.resources import files
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,6 +14,7 @@ from eclipsejax.render import disc_offsets
 from eclipsejax.shadow_table import ShadowTable, Tabulator, tabulator
 from eclipsejax.sun import Sun
 from eclipsejax.sunlight import umbra_edge
+from eclipsejax.traced import slopes
 from eclipsejax.wavelengths import channel_weights
 from inverse import prior
 from inverse.uneven_limb import washing
@@ -81,12 +81,8 @@ def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTabl
 
 @eqx.filter_jit
 def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
-    """Entries of the table (offset, 2, channel) and their derivatives (parameter, offset, 2, channel).
-
-    One derivative after the other: side by side they leave the processor's cache.
-    """
-    light, along = jax.linearize(lambda limb: log_light(limb, shadow), limb)
-    return light, jax.lax.map(along, jnp.eye(limb.size))
+    """Entries of the table (offset, 2, channel) and their derivatives (parameter, offset, 2, channel)."""
+    return slopes(lambda limb: log_light(limb, shadow), list(limb))
 
 
 def camera_weights(sun: Sun, moon: Moon):

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import eclipsejax as ej
 from eclipsejax.arc import arc_moments, sector_moments
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.errors import InputError
@@ -156,3 +157,33 @@ def test_a_limb_that_makes_no_sense_is_refused():
         limb_axes(Atmosphere(dust=Dust(jnp.zeros(5)), haze=Haze(jnp.zeros(6))))
     with pytest.raises(InputError, match="position_angle"):
         shadow_irradiance(HALF_DUSTY, [1e-3], [640.0])
+
+
+OF_ONE_PLACE = {
+    "refractivity": lambda air: ej.refractivity(air, 1e4, 550.0),
+    "extinction": lambda air: ej.extinction(air, 2e4, 550.0),
+    "impact_parameter": lambda air: ej.impact_parameter(air, 1e4, 550.0),
+    "bending_angle": lambda air: ej.bending_angle(air, 1e4, 550.0),
+    "optical_depth": lambda air: ej.optical_depth(air, 1e4, 550.0),
+    "grazing_rays": lambda air: ej.grazing_rays(air, jnp.asarray([1e4]), jnp.asarray([550.0])),
+    "march_ray": lambda air: ej.march_ray(air, 1e4, 550.0),
+    "umbra_radius": ej.umbra_radius,
+    "umbra_enlargement": ej.umbra_enlargement,
+}
+
+
+@pytest.mark.parametrize("name", OF_ONE_PLACE)
+def test_what_is_of_one_place_says_so_of_a_limb(name):
+    partly = eqx.tree_at(lambda a: a.dust.extinction, CLEAR, jnp.asarray([0.0, 1e-6, 2e-6, 3e-6]))
+    for limb in (HALF_DUSTY, partly):
+        with pytest.raises(InputError, match="same all around: give one"):
+            OF_ONE_PLACE[name](limb)
+
+
+def test_a_sounding_has_levels_but_no_limb_axis():
+    altitude = jnp.linspace(0.0, 30e3, 7)
+    air = Sounding.from_table(altitude, 288.0 - 1.5e-3 * altitude, 101325.0 * jnp.exp(-altitude / 8e3))
+    assert float(ej.refractivity(Atmosphere(air=air), 1e3, 550.0)) > 2e-4
+    assert limb_axes(Atmosphere(air=air))[0] == 0
+    with pytest.raises(InputError, match="same all around"):
+        ej.refractivity(along_limb([Atmosphere(air=air)] * 4), 1e3, 550.0)

@@ -1,5 +1,7 @@
 """The operator against the integral that it replaces."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,6 +13,7 @@ from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze
 from eclipsejax.shadow import shadow_irradiance
 from eclipsejax.shadow_operator import COUNTS, counts_for, shadow_operator
 from eclipsejax.sun import Sun
+from eclipsejax.traced import slopes
 
 SUN_DISTANCE = jnp.asarray(1.5e11)
 DISTANCES = jnp.asarray([3.56e8, 4.07e8])
@@ -110,3 +113,27 @@ def test_reverse_derivatives_agree_with_forward_ones():
     backward = np.asarray(jax.jit(jax.grad(total))(jnp.zeros(6)))
     forward = np.asarray(jax.jit(jax.jacfwd(total))(jnp.zeros(6)))
     np.testing.assert_allclose(backward, forward, rtol=1e-9, atol=1e-9 * np.abs(forward).max())
+
+
+def test_slopes_are_those_of_the_jacobian_at_once():
+    operator = prepared(Sun(), OFFSETS[:1], DISTANCES[:1], SUN_DISTANCE, WAVELENGTH, tolerance=1e-2)
+    light = lambda x: jnp.log(operator(changed(x)))
+    value, apart = jax.jit(lambda x: slopes(light, list(x)))(jnp.zeros(6))
+    together = np.moveaxis(np.asarray(jax.jit(jax.jacfwd(light))(jnp.zeros(6))), -1, 0)
+    np.testing.assert_allclose(apart, together, rtol=1e-9, atol=1e-9 * np.abs(together).max())
+    np.testing.assert_allclose(value, jax.jit(light)(jnp.zeros(6)), rtol=1e-9)
+
+
+def test_what_dims_has_no_derivative_of_arcs():
+    """Dust's derivative must be worked out without a derivative of any ray's bending."""
+    operator = prepared(Sun(), OFFSETS[:1], DISTANCES[:1], SUN_DISTANCE, WAVELENGTH, tolerance=1e-2)
+    light = lambda x: operator(changed(x))
+
+    lines = lambda index: str(jax.make_jaxpr(partial(by_one, light, index))(jnp.zeros(()))).count("\n")
+    assert lines(2) < 0.8 * lines(0)  # dust, temperature
+
+
+def by_one(light, index, x):
+    numbers = [jnp.zeros(())] * 6
+    of_one = lambda one: light([*numbers[:index], one, *numbers[index + 1 :]])
+    return jax.jvp(of_one, (x,), (jnp.ones(()),))

@@ -70,6 +70,7 @@ def test_the_end_that_misses_less_is_taken(worse, end):
     assert optimum.z[TOP] == pytest.approx(end, abs=0.2)
     assert max(optimum.costs) > min(optimum.costs) + 20.0
     assert likelihood.errors[0].independent == pytest.approx(SCATTER, rel=0.3)
+    assert likelihood.carried_at is not None
     assert likelihood.carried_at[TOP] == pytest.approx(optimum.z[TOP], abs=0.1)
 
 

@@ -8,12 +8,11 @@ photograph as it is, and then takes those of the best end (`Likelihood.carried`)
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from inverse import prior
-from inverse.photo_model import colour_matrix, developed, log_value
+from inverse.photo_model import colour_matrix, developed, slopes_by_light
 
 BRIGHTEST = 0.98  # full scale: beyond, the curve is too flat to be followed backwards
 LEAST = 0.03  # of the brightest channel: of what a matrix makes less, it made an unknown amount
@@ -27,12 +26,7 @@ def response(model, value: np.ndarray) -> np.ndarray:
     """
     camera = eqx.tree_at(lambda model: model.gain, model, jnp.zeros_like(model.gain))
     nuisance = prior.values(camera.parameters, jnp.zeros(len(camera.parameters)))
-    light = jnp.asarray(_light(camera, nuisance, value))
-
-    def shown(by):
-        return log_value(camera, developed(camera, light * jnp.exp(by), nuisance))
-
-    return np.asarray(jax.jacfwd(shown)(jnp.zeros(3)))
+    return np.asarray(slopes_by_light(camera, jnp.asarray(_light(camera, nuisance, value)), nuisance))
 
 
 def _light(camera, nuisance, value: np.ndarray) -> np.ndarray:

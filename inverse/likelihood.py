@@ -20,7 +20,7 @@ from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors, Sources
 from inverse.observed import Observed
-from inverse.photo_model import developed, log_value, signal
+from inverse.photo_model import developed, log_value, signal, slopes_by_light
 
 LIMB = len(prior.ATMOSPHERE)
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
@@ -134,12 +134,7 @@ def response(model, table: ShadowTable, z: Float[Array, " parameter"]):
     """Decoded values (cell, 3) [full scale], and the change of their logs by the log light (cell, value, light)."""
     nuisance = prior.values(model.parameters, z)
     light = model.light(table, model.seen(z), nuisance)
-
-    def shown(by):
-        return developed(model, light * jnp.exp(by), nuisance)
-
-    none = jnp.zeros(3)
-    return shown(none), jax.jacfwd(lambda by: log_value(model, shown(by)))(none)
+    return developed(model, light, nuisance), slopes_by_light(model, light, nuisance)
 
 
 @eqx.filter_jit

@@ -27,7 +27,7 @@ class Optimum:
     - `converged`: whether the solver says so.
     - `steps`: taken.
     - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
-    - `costs`: minus twice the log posterior at the ends of all starts, the size of the errors counted.
+    - `costs`: minus twice the log posterior at the ends of all starts, all with the same errors.
     - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
     """
 

@@ -40,8 +40,9 @@ def best(
     for number, end in enumerate(first, len(first) + 1):
         ends.append(descend(likelihood, end.z, ROUGH))
         report(number)
-    likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
-    optimum = descend(likelihood, _lowest(ends).z)
+    lowest = _lowest(ends)
+    likelihood = _with_errors(likelihood, lowest, neighbours)
+    optimum = descend(likelihood, lowest.z)
     report(STAGES)
     lost = sum(end.not_finite for end in (*first, *ends, optimum))
     return replace(optimum, costs=tuple(end.cost for end in ends), not_finite=lost), likelihood

@@ -1,6 +1,7 @@
 """From the light of the shadow to the numbers of a photograph: surface, optics, colours, tone."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -159,6 +160,11 @@ class ProfileModel(eqx.Module):
 def log_value(model, signal: Float[Array, "point 3"]) -> Float[Array, "point 3"]:
     """Log of pixel values [full scale] above the model's floor: what the likelihood compares."""
     return jnp.log(signal + model.floor)
+
+
+def slopes_by_light(model, light, nuisance) -> Float[Array, "point 3 3"]:
+    """Change of the log values by the log light of each channel (point, value, light), under light (point, 3)."""
+    return jax.jacfwd(lambda by: log_value(model, developed(model, light * jnp.exp(by), nuisance)))(jnp.zeros(3))
 
 
 def with_veil(light, around, nuisance):

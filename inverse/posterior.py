@@ -65,7 +65,7 @@ class LimbPosterior:
         self.not_finite += int(np.sum(~np.isfinite(values)))
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
-        """Misfits, some points at a time."""
+        """Misfits, `AT_ONCE` points at a time."""
         for begin in range(0, len(z), AT_ONCE):
             yield self._best(z[begin : begin + AT_ONCE])
 

@@ -40,6 +40,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.shadow_peers
 	$(BIN)/python -m benchmarks.shadow_speed
 	$(BIN)/python -m benchmarks.scenes
+	$(BIN)/python -m benchmarks.images
 	$(BIN)/python -m benchmarks.picture
 
 calibration: $(READY)

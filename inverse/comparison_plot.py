@@ -25,7 +25,7 @@ def comparison(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
     )  # fmt: skip
     gain = brightening(image)
     shown = "as in the file" if gain == 1 else f"brightness × {gain:.3g}"
-    ratio = residual(image, model, photo.reach)
+    ratio = residual(image, model, photo.reach, photo.floor)
     seen = np.isfinite(ratio)
     mean = np.where(seen, ratio, 0.0).sum(axis=-1) / np.where(seen.any(axis=-1), seen.sum(axis=-1), np.nan)
     half = photo.reach * (1 + 1 / (image.shape[0] - 1))  # the centres of the outer pixels lie at `reach`
@@ -47,7 +47,8 @@ def comparison(photo: PhotoFit, remarks: tuple[str, ...], figure) -> None:
         _compass(panel, photo.registration, limb)
         scale = scale if coloured else drawn
     bar = figure.colorbar(scale, cax=figure.add_subplot(grid[:, 3]), extend="both")
-    bar.set_label("ln (photograph / model)      red: model too dark;  grey: not compared", fontsize=10)
+    above = f", both above {photo.floor:.1g} of full scale" if photo.floor else ""
+    bar.set_label(f"ln (photograph / model){above}      red: model too dark;  grey: not compared", fontsize=10)
     heading(figure, photo)
 
 
@@ -57,10 +58,11 @@ def brightening(image: np.ndarray) -> float:
     return float(np.clip(0.8 / max(brightest, 1e-6), 1.0, 1e5))
 
 
-def residual(image: np.ndarray, model: np.ndarray, reach: float) -> np.ndarray:
+def residual(image: np.ndarray, model: np.ndarray, reach: float, floor: float = 0.0) -> np.ndarray:
     """ln(image / model) of the disc, even over square blocks; NaN where most of a block cannot be compared.
 
     - `image`, `model`: decoded [full scale] (row, column, 3), `reach` radii from the disc's centre to outer pixels.
+    - `floor`: added to both: no fit knows values near black to better than it [full scale].
     """
     side = image.shape[0]
     line = np.linspace(-reach, reach, side)
@@ -72,7 +74,7 @@ def residual(image: np.ndarray, model: np.ndarray, reach: float) -> np.ndarray:
     def total(array):
         return np.add.reduceat(np.add.reduceat(np.where(good, array, 0.0), starts), starts, axis=1)
 
-    light, expected = total(image), total(model)
+    light, expected = total(image + floor), total(model + floor)
     enough = (total(np.ones_like(image)) > 0.5 * size**2) & (light > 0) & (expected > 0)
     ratio = np.where(enough, np.log(np.where(enough, light, 1.0) / np.where(enough, expected, 1.0)), np.nan)
     # As many pixels as before, so that the last block, which may be cut, keeps its place.

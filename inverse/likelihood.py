@@ -20,7 +20,7 @@ from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors, Sources
 from inverse.observed import Observed
-from inverse.photo_model import developed, log_value, signal, slopes_by_light
+from inverse.photo_model import developed, log_value, of_the_view, seen_and_slopes, signal, slopes_by_light
 
 LIMB = len(prior.ATMOSPHERE)
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
@@ -125,8 +125,12 @@ class Likelihood:
 @eqx.filter_jit
 def misfit(model, observed: Observed, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
     """Data minus model of one photograph, as `Observed.misfit`."""
-    predicted = log_value(model, model.signal(table, model.seen(nuisance), nuisance))
-    return observed.misfit(predicted.ravel())
+    return misfit_of(model, observed, table, model.seen(nuisance), nuisance)
+
+
+def misfit_of(model, observed: Observed, table: ShadowTable, shown, nuisance) -> Float[Array, " datum"]:
+    """The same, where what the photograph shows of the Moon is known."""
+    return observed.misfit(log_value(model, model.signal(table, shown, nuisance)).ravel())
 
 
 @eqx.filter_jit
@@ -144,12 +148,17 @@ def misfit_and_slopes(model, observed: Observed, shadow: Shadow, light, slopes, 
     - `light`, `slopes`: of the shadow's table, as `limb_light.shadow_slopes` gives them.
     """
 
-    def value(light, nuisance):
-        return misfit(model, observed, shadow.table(light), nuisance)
+    shown, moved = seen_and_slopes(model, nuisance)
 
-    missed, along = jax.linearize(value, light, nuisance)
-    by_limb = jax.vmap(lambda slope: along(slope, jnp.zeros_like(nuisance)), out_axes=1)(slopes)
-    by_nuisance = jax.vmap(lambda unit: along(jnp.zeros_like(light), unit), out_axes=1)(jnp.eye(nuisance.size))
+    def value(light, shown, nuisance):
+        return misfit_of(model, observed, shadow.table(light), shown, nuisance)
+
+    missed, along = jax.linearize(value, light, shown, nuisance)
+    dark, still, same = jnp.zeros_like(light), jax.tree.map(jnp.zeros_like, shown), jnp.zeros_like(nuisance)
+    view = of_the_view(model)
+    moves = jax.tree.map(lambda by: jnp.zeros((nuisance.size, *by.shape[1:])).at[view].set(by), moved)
+    by_limb = jax.vmap(lambda slope: along(slope, still, same), out_axes=1)(slopes)
+    by_nuisance = jax.vmap(lambda move, unit: along(dark, move, unit), out_axes=1)(moves, jnp.eye(nuisance.size))
     return missed, jnp.concatenate([by_limb, by_nuisance], axis=1)
 
 

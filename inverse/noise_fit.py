@@ -66,8 +66,8 @@ def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
 
     start = np.maximum(np.log([errors.independent, errors.smooth, errors.chromatic]), LEAST + 0.05)
     found = minimize(
-        cost, start, method="Nelder-Mead", bounds=[(least, None) for least in LEAST],
-        options={"xatol": 0.01, "fatol": 0.02, "maxiter": 200},
+        cost, start, method="L-BFGS-B", bounds=[(least, None) for least in LEAST],
+        options={"eps": 1e-4, "ftol": 1e-6},
     )  # fmt: skip
     independent, smooth, chromatic = np.exp(found.x)
     return replace(errors, independent=float(independent), smooth=float(smooth), chromatic=float(chromatic))

@@ -261,6 +261,18 @@ def seen(model, z: Float[Array, " parameter"]):
 
 
 @eqx.filter_jit
+def seen_and_slopes(model, z: Float[Array, " parameter"]):
+    """The same, and its derivatives by the nuisances that change it (`of_the_view`), along a first axis."""
+    shown, along = jax.linearize(model.seen, z)
+    return shown, jax.vmap(along)(jnp.eye(z.size)[of_the_view(model)])
+
+
+def of_the_view(model) -> np.ndarray:
+    """Which of a model's nuisances are in `prior.OF_THE_VIEW`."""
+    return np.flatnonzero([parameter.name in prior.OF_THE_VIEW for parameter in model.parameters])
+
+
+@eqx.filter_jit
 def signal(model, table: ShadowTable, z: Float[Array, " parameter"]) -> Float[Array, "cell 3"]:
     """Decoded pixel values of one photograph's cells [full scale], compiled by itself."""
     return model.signal(table, model.seen(z), z)

@@ -95,6 +95,11 @@ OF_CAMERA = frozenset(
     ["gain", "white_balance.red", "white_balance.blue", "albedo.contrast", *(parameter.name for parameter in TONE)]
 )
 
+# What changes which points of the Moon a photograph shows, or how bright they are in sunlight: all else acts on light.
+OF_THE_VIEW = frozenset(
+    ["albedo.contrast", "pointing.right", "pointing.up", "pointing.roll", "pointing.offset", "clock"]
+)
+
 
 def photograph_parameters(tone_curve: str, clock: float = CLOCK) -> tuple[Parameter, ...]:
     """The nuisances of one photograph: a linear one has no tone curve.

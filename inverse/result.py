@@ -57,6 +57,7 @@ class PhotoFit:
     - `observed`, `predicted`: decoded pixel values [full scale] (cell, 3).
     - `albedo`: relative surface brightness that the model gives the cell (cell,).
     - `drawn`: `predicted` for draws from the posterior (draw, cell, 3).
+    - `floor`: of logs: what is compared is the log of values above it, here as in the fit [full scale].
     - `image`, `model_image`: the same square around the disc, decoded [full scale] (row, column, 3), up to `reach`
       radii from the centre; NaN outside the frame. None for a profile.
     """
@@ -74,12 +75,14 @@ class PhotoFit:
     image: np.ndarray | None = None
     model_image: np.ndarray | None = None
     reach: float = 1.3
+    floor: float = 0.0
 
     @property
     def residual_rms(self) -> float:
-        """Of log(observed / predicted) over usable cells of the disc [-]."""
+        """Of ln(observed / predicted), both above the floor, over usable cells of the disc [-]."""
         good = self.usable & self.on_disc[:, None] & (self.observed > 0) & (self.predicted > 0)
-        return float(np.sqrt(np.mean(np.log(self.observed[good] / self.predicted[good]) ** 2)))
+        observed, predicted = self.observed[good] + self.floor, self.predicted[good] + self.floor
+        return float(np.sqrt(np.mean(np.log(observed / predicted) ** 2)))
 
 
 @dataclass(frozen=True)

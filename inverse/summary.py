@@ -122,7 +122,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         everywhere = np.ones(len(profile.value), dtype=bool)
         return PhotoFit(
             item.name, item.where.utc, None, np.asarray(profile.offset), everywhere, np.isfinite(profile.value),
-            np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn,
+            np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn, floor=float(model.floor),
         )  # fmt: skip
 
     surface, _ = seen(model, jnp.asarray(z[place]))
@@ -154,6 +154,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),
         model_image=picture,
         reach=reach,
+        floor=float(model.floor),
     )
 
 

@@ -11,7 +11,6 @@ from eclipsejax.errors import InputError
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
-from inverse.gaussian import Gaussian
 from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
@@ -92,24 +91,25 @@ def answer(
     - `before`: a chain to go on with.
     - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
     """
-    centre, covariance = optimum.z[:LIMB], optimum.covariance[:LIMB, :LIMB]
     if draws == 0:
         normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, LIMB))
-        return Answer("laplace", Gaussian.about(centre, covariance).at(normal)[None])
+        return Answer("laplace", optimum.limb.at(normal)[None])
     density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)
-    found = _drawn(density, centre, covariance, draws, seed, before, keep, progress)
+    found = _drawn(density, optimum, draws, seed, before, keep, progress)
     return replace(found, evaluated=density.evaluated, not_finite=density.not_finite)
 
 
-def _drawn(density: LimbPosterior, centre, covariance, draws: int | None, seed: int, before, keep, progress) -> Answer:
+def _drawn(
+    density: LimbPosterior, optimum: Optimum, draws: int | None, seed: int, before, keep, progress
+) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
     weighed = None
+    centre, covariance = optimum.z[:LIMB], optimum.covariance[:LIMB, :LIMB]
     if draws is None:
-        weighed = importance(
-            density, centre, covariance, seed=seed, report=lambda done, most: progress("weighing", done, most)
-        )  # fmt: skip
+        bells = [end.limb for end in (optimum, *optimum.rivals)]
+        weighed = importance(density, bells, seed=seed, report=lambda done, most: progress("weighing", done, most))
         if before is None and weighed.trusted:
             return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
         if before is None:
@@ -175,7 +175,14 @@ def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> di
         f"error.{number}.{name}": getattr(one, name) for number, one in enumerate(likelihood.errors) for name in FITTED
     }
     assert likelihood.carried_at is not None
-    return {**vars(optimum), **found, "carried_at": likelihood.carried_at, "draws": -1 if draws is None else draws}
+    ends = {
+        "rivals.z": np.array([end.z for end in optimum.rivals]),
+        "rivals.information": np.array([end.information for end in optimum.rivals]),
+    }
+    own = {name: value for name, value in vars(optimum).items() if name != "rivals"}
+    return {
+        **own, **ends, **found, "carried_at": likelihood.carried_at, "draws": -1 if draws is None else draws
+    }  # fmt: skip
 
 
 def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, Likelihood, int | None]:
@@ -186,8 +193,12 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
     optimum = Optimum(
         np.asarray(numbers["z"]), float(numbers["cost"]), bool(numbers["converged"]), int(numbers["steps"]),
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
-        int(numbers.get("not_finite", 0)),
+        int(numbers["not_finite"]),
     )  # fmt: skip
+    # Of these only where they are, and how wide, is asked for again.
+    ends = zip(numbers["rivals.z"], numbers["rivals.information"], strict=True)
+    rivals = tuple(replace(optimum, z=np.asarray(z), information=np.asarray(wide)) for z, wide in ends)
+    optimum = replace(optimum, rivals=rivals)
     likelihood = likelihood.carried(np.asarray(numbers["carried_at"]))
     fitted = tuple(
         replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})

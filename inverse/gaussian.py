@@ -26,6 +26,10 @@ class Gaussian:
         """Points (draw, parameter) of deviates (draw, parameter)."""
         return self.centre + deviates @ self.factor.T
 
+    def log_density(self, z: np.ndarray) -> np.ndarray:
+        """(draw,) of points (draw, parameter), up to a constant of their number of parameters."""
+        return -0.5 * np.sum(self.deviates(z) ** 2, axis=1) - np.sum(np.log(np.diag(self.factor)))
+
     def deviates(self, z: np.ndarray) -> np.ndarray:
         """Deviates (draw, parameter) of points (draw, parameter)."""
         return np.linalg.solve(self.factor, (z - self.centre).T).T

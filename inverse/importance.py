@@ -4,7 +4,7 @@ Pareto-smoothed importance sampling, Vehtari, Simpson, Gelman, Yao & Gabry 2024:
 the quantiles of a generalised Pareto distribution, whose shape k-hat tells whether the Gaussian's tails suffice.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,23 +44,23 @@ class Importance:
 
 def importance(
     density: Callable[[np.ndarray], np.ndarray],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    gaussians: Sequence[Gaussian],
     *,
     seed: int,
     report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Importance:
-    """Sample a density through the Gaussian about its optimum, and where that does not do, through what it shows.
+    """Sample a density through the Gaussians about its optima, and where they do not do, through what they show.
 
     Adaptive multiple importance sampling (Cornuet et al. 2012): the weighted draws so far make the next proposal, a
     mixture (`inverse.mixture`), which follows a bent posterior, or one of two peaks, where a Gaussian does not. All
     draws are then weighed as if they came from all proposals together. Stops where the weights can be trusted.
 
     - `density`: log densities (draw,) of points (draw, parameter).
+    - `gaussians`: of Laplace, one for each optimum.
     - `report`: called with the number of rounds done and that of all.
     """
-    random, gaussian = np.random.default_rng(seed), Gaussian.about(centre, covariance)
-    proposals, counts = [about(gaussian)], [DRAWS]
+    random = np.random.default_rng(seed)
+    proposals, counts = [about(gaussians)], [DRAWS]
     z = proposals[0].draw(DRAWS, random)
     value = density(z)
     while True:
@@ -72,7 +72,7 @@ def importance(
         found = _resampled(z, value, weight, k_hat, random)
         if done > ROUNDS or not np.isfinite(k_hat) or (found.trusted and found.effective_samples > ENOUGH):
             return found
-        proposals.append(fitted(z, tempered(log_ratio), gaussian, random))
+        proposals.append(fitted(z, tempered(log_ratio), gaussians, random))
         counts.append(MORE)
         fresh = proposals[-1].draw(MORE, random)
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import least_squares
 
+from inverse.gaussian import Gaussian
 from inverse.likelihood import LIMB, Likelihood
 
 MOST_STEPS = 150
@@ -29,6 +30,7 @@ class Optimum:
     - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
     - `costs`: minus twice the log posterior at the ends of all starts, all with the same errors.
     - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
+    - `rivals`: other ends, far from this one, which may hold a share of the posterior (`inverse.optimum`).
     """
 
     z: np.ndarray
@@ -38,6 +40,17 @@ class Optimum:
     information: np.ndarray
     costs: tuple[float, ...]
     not_finite: int = 0
+    rivals: tuple["Optimum", ...] = ()
+
+    @property
+    def log_mass(self) -> float:
+        """Log of what of the posterior is here, after Laplace, up to a constant."""
+        return -0.5 * (self.cost + float(np.linalg.slogdet(self.information)[1]))
+
+    @property
+    def limb(self) -> Gaussian:
+        """Laplace's Gaussian of the limb."""
+        return Gaussian.about(self.z[:LIMB], self.covariance[:LIMB, :LIMB])
 
     @property
     def covariance(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Mixtures of a few wide-tailed bells, fitted to weighed draws: proposals for a posterior that is no Gaussian."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,20 +58,28 @@ class Mixture:
         return np.asarray(logsumexp(self.each(z), axis=0))
 
 
-def about(gaussian: Gaussian) -> Mixture:
-    """Laplace's bell, the same one wider, and the prior.
+def about(gaussians: Sequence[Gaussian]) -> Mixture:
+    """Laplace's bells, one at each optimum, the same ones wider, and the prior.
 
-    The bell alone will not do: of a bent posterior, or one of two peaks, its draws see what it covers, and their
-    weights are tame.
+    The bells alone will not do: of a bent posterior, or of a peak that no descent found, their draws see what they
+    cover, and their weights are tame.
     """
-    rest = _defence(gaussian)
-    shares = np.append(1.0 - sum(OPENING), OPENING)
-    return Mixture(shares, (gaussian, *rest), FREEDOM)
+    shares = np.append(_shared(1.0 - sum(OPENING), gaussians), _defence_shares(OPENING, gaussians))
+    return Mixture(shares, (*gaussians, *_defence(gaussians)), FREEDOM)
 
 
-def _defence(gaussian: Gaussian) -> tuple[Gaussian, Gaussian]:
-    size = len(gaussian.centre)
-    return Gaussian(gaussian.centre, STRETCH * gaussian.factor), Gaussian(np.zeros(size), np.eye(size))
+def _defence(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, ...]:
+    size = len(gaussians[0].centre)
+    wide = (Gaussian(bell.centre, STRETCH * bell.factor) for bell in gaussians)
+    return *wide, Gaussian(np.zeros(size), np.eye(size))
+
+
+def _defence_shares(shares: tuple[float, float], gaussians: Sequence[Gaussian]) -> np.ndarray:
+    return np.append(_shared(shares[0], gaussians), shares[1])
+
+
+def _shared(share: float, gaussians: Sequence[Gaussian]) -> np.ndarray:
+    return np.full(len(gaussians), share / len(gaussians))
 
 
 def tempered(log_ratio: np.ndarray) -> np.ndarray:
@@ -93,11 +102,11 @@ def tempered(log_ratio: np.ndarray) -> np.ndarray:
     return weights(low)
 
 
-def fitted(z: np.ndarray, weight: np.ndarray, gaussian: Gaussian, random: np.random.Generator) -> Mixture:
+def fitted(z: np.ndarray, weight: np.ndarray, gaussians: Sequence[Gaussian], random: np.random.Generator) -> Mixture:
     """A mixture that follows weighed draws, with a defence that does not.
 
     - `z`: (draw, parameter); `weight`: (draw,), sum 1.
-    - `gaussian`: Laplace's.
+    - `gaussians`: Laplace's, of each optimum.
     """
     size, effective = z.shape[1], 1.0 / np.sum(weight**2)
     mean, pooled = _moments(z, weight)
@@ -116,8 +125,8 @@ def fitted(z: np.ndarray, weight: np.ndarray, gaussian: Gaussian, random: np.ran
             bells.append(Gaussian.about(known * centre + (1.0 - known) * mean, known * spread + (1.0 - known) * pooled))
         found = Mixture(shares / shares.sum(), tuple(bells), np.inf)
     wider = tuple(Gaussian(bell.centre, np.sqrt(WIDER) * bell.factor) for bell in found.bells)
-    shares = np.append((1.0 - sum(DEFENCE)) * found.shares, DEFENCE)
-    return Mixture(shares, (*wider, *_defence(gaussian)), FREEDOM)
+    shares = np.append((1.0 - sum(DEFENCE)) * found.shares, _defence_shares(DEFENCE, gaussians))
+    return Mixture(shares, (*wider, *_defence(gaussians)), FREEDOM)
 
 
 def _moments(z: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

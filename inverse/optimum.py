@@ -1,7 +1,9 @@
 """The best of the optima that several starts lead to, with errors as large as the photographs say.
 
 Ends are compared by their cost, and so all have to have the same errors: at first those of the camera assumed
-beforehand (`inverse.assumed_camera`), then those that the best end carries, with which all are sought anew.
+beforehand (`inverse.assumed_camera`), then those that the best end carries, with which all are sought anew. Where
+another end is far from the best, and wide, the posterior may be there too, as of one in 24 drawn photographs: it is
+kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +13,7 @@ import numpy as np
 
 from eclipsejax.errors import InputError
 from inverse import prior
-from inverse.likelihood import Likelihood
+from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum, descend
 from inverse.noise_fit import fitted_errors
 
@@ -20,7 +22,9 @@ STARTED = ("clouds.top", "dust.extinction", "air.surface_temperature")
 STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2))
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
 ROUGH = 1e-3  # relative change of the cost at which descents end that are only compared
-STAGES = 2 * len(STARTS) + 1
+STAGES = 3 * len(STARTS)
+APART = 2.0  # standard deviations between ends that are two
+SHARE = 1e-3  # of the posterior at the best end: where there is less, another end is forgotten
 
 
 def best(
@@ -40,12 +44,33 @@ def best(
     for number, end in enumerate(first, len(first) + 1):
         ends.append(descend(likelihood, end.z, ROUGH))
         report(number)
-    lowest = _lowest(ends)
-    likelihood = _with_errors(likelihood, lowest, neighbours)
-    optimum = descend(likelihood, lowest.z)
+    likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
+    last = []
+    for number, end in enumerate(ends, 2 * len(STARTS)):
+        report(number)
+        last.append(descend(likelihood, end.z, ROUGH))
+    optimum = descend(likelihood, _lowest(last).z)
     report(STAGES)
-    lost = sum(end.not_finite for end in (*first, *ends, optimum))
-    return replace(optimum, costs=tuple(end.cost for end in ends), not_finite=lost), likelihood
+    lost = sum(end.not_finite for end in (*first, *ends, *last, optimum))
+    costs = tuple(end.cost for end in last)
+    return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last)), likelihood
+
+
+def rivals(optimum: Optimum, ends: Sequence[Optimum]) -> tuple[Optimum, ...]:
+    """The ends, each once, that lie far from an optimum and may hold a share of the posterior."""
+    kept = [optimum]
+    for end in sorted(ends, key=lambda end: end.cost):
+        likely = end.log_mass > optimum.log_mass + np.log(SHARE)
+        if likely and all(_distance(end, other) > APART for other in kept):
+            kept.append(end)
+    return tuple(kept[1:])
+
+
+def _distance(one: Optimum, other: Optimum) -> float:
+    """Between two limbs, in standard deviations of their difference."""
+    apart = one.z[:LIMB] - other.z[:LIMB]
+    both = one.covariance[:LIMB, :LIMB] + other.covariance[:LIMB, :LIMB]
+    return float(np.sqrt(apart @ np.linalg.solve(both, apart)))
 
 
 def _lowest(ends: Sequence[Optimum]) -> Optimum:

@@ -34,21 +34,14 @@ SHORTER = 0.3  # a step that made things worse, when it is tried again
 class LimbPosterior:
     """Log posterior of the limb up to a constant, the nuisances at their best.
 
+    Nuisances are sought from those at the nearest of the optimum and its rivals.
+
     - `evaluated`, `not_finite`: at how many points it was asked for, and at how many it was not a finite number.
     """
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
-        self.likelihood, self.optimum = likelihood, optimum
+        self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals)]
         self.evaluated = self.not_finite = 0
-        self.information = cho_factor(optimum.information[LIMB:, LIMB:])
-        slopes = []
-        for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
-            everywhere = np.zeros((len(by), optimum.z.size))
-            everywhere[:, likelihood.columns(number)] = likelihood.errors[number].whitener(by)
-            slopes.append(everywhere[:, LIMB:])
-        self.slopes = np.concatenate(slopes)
-        self.centres = [jnp.asarray(optimum.z[place]) for place in likelihood.places]
-        self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
@@ -69,11 +62,34 @@ class LimbPosterior:
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
         """Misfits, `AT_ONCE` points at a time."""
+        nearest = np.argmax([end.optimum.limb.log_density(z) for end in self.ends], axis=0)
         for begin in range(0, len(z), AT_ONCE):
-            yield self._best(z[begin : begin + AT_ONCE])
+            part = slice(begin, begin + AT_ONCE)
+            groups = [np.flatnonzero(nearest[part] == number) for number in range(len(self.ends))]
+            rows = [end.best(z[part][group]) for end, group in zip(self.ends, groups, strict=True) if group.size]
+            yield np.concatenate(rows)[np.argsort(np.concatenate(groups))]
 
-    def _best(self, limbs: np.ndarray) -> np.ndarray:
-        """Misfits with the nuisances at their best: steps are taken from the best so far, shorter after a bad one."""
+
+class Surroundings:
+    """The posterior about one optimum."""
+
+    def __init__(self, likelihood: Likelihood, optimum: Optimum):
+        self.likelihood, self.optimum = likelihood, optimum
+        self.information = cho_factor(optimum.information[LIMB:, LIMB:])
+        slopes = []
+        for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
+            everywhere = np.zeros((len(by), optimum.z.size))
+            everywhere[:, likelihood.columns(number)] = likelihood.errors[number].whitener(by)
+            slopes.append(everywhere[:, LIMB:])
+        self.slopes = np.concatenate(slopes)
+        self.centres = [jnp.asarray(optimum.z[place]) for place in likelihood.places]
+        self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
+
+    def best(self, limbs: np.ndarray) -> np.ndarray:
+        """Whitened misfits and nuisances, which are at their best under limbs (draw, parameter).
+
+        Steps are taken from the best so far, shorter after a bad one.
+        """
         entries = batched(partial(_entries, self.likelihood.shadow), limbs)
         count, moving = self.slopes.shape[1], np.arange(len(limbs))
         best = self._rows(entries, self.optimum.nuisances(limbs))

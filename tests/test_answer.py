@@ -147,7 +147,8 @@ class Erring:
 
 
 def test_a_beginning_comes_back_from_numbers():
-    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2)
+    rivals = tuple(Optimum(np.full(3, x), 2.5, True, 5, (x + 2.0) * np.eye(3), ()) for x in (-1.0, 1.0))
+    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2, rivals)
     before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
     prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]))
@@ -158,6 +159,8 @@ def test_a_beginning_comes_back_from_numbers():
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
         assert same.not_finite == 2
+        for one, other in zip(same.rivals, rivals, strict=True):
+            assert np.array_equal(one.z, other.z) and np.array_equal(one.information, other.information)
         assert np.array_equal(likelihood.carried_at, found.carried_at)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
         assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from inverse.diagnostics import LEAST_SAMPLES
+from inverse.gaussian import Gaussian
 from inverse.importance import ENOUGH, LARGEST_K, importance
 from tests.targets import correlated, gaussian, half_normal
 
@@ -12,7 +13,7 @@ SIZE = 8
 
 def test_a_gaussian_stays_one():
     covariance = correlated(SIZE)
-    found = importance(gaussian(covariance), np.zeros(SIZE), covariance, seed=0)
+    found = importance(gaussian(covariance), [Gaussian.about(np.zeros(SIZE), covariance)], seed=0)
     assert found.trusted and found.effective_samples > ENOUGH
     ratio = np.diag(np.cov(found.z.T)) / np.diag(covariance)
     assert ratio == pytest.approx(np.ones(SIZE), abs=5 * np.sqrt(2 / ENOUGH))
@@ -22,7 +23,7 @@ def test_a_gaussian_stays_one():
 def test_mean_and_variance_are_mended():
     # The truth is shifted by 0.5 and has 0.7 of the variance.
     density = lambda z: -0.5 * np.sum((z - 0.5) ** 2 / 0.7, axis=1)
-    found = importance(density, np.zeros(SIZE), np.eye(SIZE), seed=1)
+    found = importance(density, [Gaussian.about(np.zeros(SIZE), np.eye(SIZE))], seed=1)
     assert found.trusted
     sigma = np.sqrt(0.7 / found.effective_samples)
     assert found.z.mean(axis=0) == pytest.approx(np.full(SIZE, 0.5), abs=5 * sigma)
@@ -30,7 +31,7 @@ def test_mean_and_variance_are_mended():
 
 
 def test_a_bound_is_kept():
-    found = importance(half_normal, np.zeros(2), np.eye(2), seed=0)
+    found = importance(half_normal, [Gaussian.about(np.zeros(2), np.eye(2))], seed=0)
     assert found.trusted and np.all(found.z[:, 0] > 0) and np.all(np.isfinite(found.log_posterior))
     assert np.mean(found.z[:, 0]) == pytest.approx(np.sqrt(2 / np.pi), abs=0.07)
 
@@ -44,7 +45,7 @@ def test_a_bound_is_kept():
     ],
 )
 def test_a_gaussian_that_is_too_narrow_is_widened(density, quartile):
-    found = importance(density, np.zeros(SIZE), np.eye(SIZE), seed=0)
+    found = importance(density, [Gaussian.about(np.zeros(SIZE), np.eye(SIZE))], seed=0)
     assert found.trusted
     assert np.mean(np.abs(found.z) < quartile) == pytest.approx(0.5, abs=0.03)
 
@@ -58,7 +59,7 @@ def test_a_gaussian_that_is_too_narrow_is_widened(density, quartile):
     ],
 )
 def test_what_no_such_proposal_covers_is_not_trusted(density):
-    found = importance(density, np.zeros(SIZE), np.eye(SIZE), seed=0)
+    found = importance(density, [Gaussian.about(np.zeros(SIZE), np.eye(SIZE))], seed=0)
     assert not found.trusted
     assert found.k_hat >= LARGEST_K or found.effective_samples < LEAST_SAMPLES
 
@@ -73,9 +74,25 @@ def two_peaks(z):
 
 def test_the_peak_beside_the_one_that_was_found_is_found():
     """Laplace's Gaussian about the higher peak alone would be weighed as perfect."""
-    found = importance(two_peaks, np.full(SIZE, 1.2), 0.09 * np.eye(SIZE), seed=0)
+    found = importance(two_peaks, [Gaussian.about(np.full(SIZE, 1.2), 0.09 * np.eye(SIZE))], seed=0)
     assert found.trusted
     assert np.mean(found.z.mean(axis=1) > 0.35) == pytest.approx(0.14, abs=0.03)
+
+
+def test_a_peak_that_the_prior_hardly_meets_is_found_from_its_own_optimum():
+    """A narrow one with half of the probability: of 2000 draws about the other, or from the prior, none falls there."""
+    narrow, broad = 0.04, 0.5
+    far = np.full(SIZE, -1.0)
+
+    def density(z):
+        peaks = [
+            -0.5 * np.sum(((z - c) / sd) ** 2, axis=1) - SIZE * np.log(sd) for c, sd in ((far, narrow), (1.0, broad))
+        ]
+        return np.logaddexp(*peaks)
+
+    bells = [Gaussian.about(np.full(SIZE, 1.0), broad**2 * np.eye(SIZE)), Gaussian.about(far, narrow**2 * np.eye(SIZE))]
+    shares = [np.mean(importance(density, some, seed=0).z[:, 0] < 0.0) for some in (bells[:1], bells)]
+    assert shares[0] < 0.05 and shares[1] == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_bent_posterior_is_followed_to_its_ends():
@@ -90,7 +107,7 @@ def test_a_bent_posterior_is_followed_to_its_ends():
     covariance = np.diag([1.0 / 26.0, *np.ones(SIZE - 1)])
     start = np.zeros(SIZE)
     start[0] = -0.5 / 1.04
-    found = importance(density, start, covariance, seed=0)
+    found = importance(density, [Gaussian.about(start, covariance)], seed=0)
     assert found.trusted and np.sqrt(covariance[0, 0]) < 0.45 * sd
     assert found.z[:, 0].mean() == pytest.approx(mean, abs=0.05) and found.z[:, 0].std() == pytest.approx(sd, rel=0.1)
 
@@ -104,11 +121,13 @@ def test_beside_zero_the_prior_is_followed():
     mode = line[np.argmax(-0.5 * line**2 - np.exp(3.0 * (line + 0.5)))]
     start = np.array([mode, *np.zeros(SIZE - 1)])
     covariance = np.diag([1.0 / (1.0 + 9.0 * np.exp(3.0 * (mode + 0.5))), *np.ones(SIZE - 1)])
-    found = importance(density, start, covariance, seed=0)
+    found = importance(density, [Gaussian.about(start, covariance)], seed=0)
     assert found.trusted
     assert np.quantile(found.z[:, 0], [0.025, 0.5, 0.975]) == pytest.approx(wanted, abs=0.1)
 
 
 def test_a_seed_reproduces_the_draws():
-    one, two, other = (importance(half_normal, np.zeros(2), np.eye(2), seed=seed).z for seed in (3, 3, 4))
+    one, two, other = (
+        importance(half_normal, [Gaussian.about(np.zeros(2), np.eye(2))], seed=seed).z for seed in (3, 3, 4)
+    )
     assert np.array_equal(one, two) and not np.array_equal(one, other)

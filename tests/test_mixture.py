@@ -37,7 +37,7 @@ def test_a_fit_follows_two_peaks():
     random = np.random.default_rng(2)
     z = np.concatenate([random.normal(-2.0, 0.3, (1500, 3)), random.normal(1.5, 0.5, (1500, 3))])
     weight = np.append(np.full(1500, 1.0), np.full(1500, 3.0))
-    found = fitted(z, weight / weight.sum(), Gaussian(np.zeros(3), np.eye(3)), random)
+    found = fitted(z, weight / weight.sum(), [Gaussian(np.zeros(3), np.eye(3))], random)
     fresh = found.draw(20_000, random)
     assert np.mean(fresh.mean(axis=1) > 0.0) == pytest.approx(0.75, abs=0.08)
     right = np.mean(found.log_density(random.normal(1.5, 0.5, (500, 3))))
@@ -46,7 +46,7 @@ def test_a_fit_follows_two_peaks():
 
 
 def test_the_first_proposal_reaches_where_the_prior_does():
-    narrow = about(Gaussian(np.full(4, 2.0), 0.01 * np.eye(4)))
+    narrow = about([Gaussian(np.full(4, 2.0), 0.01 * np.eye(4))])
     z = narrow.draw(4000, np.random.default_rng(3))
     assert np.mean(np.linalg.norm(z, axis=1) < 2.5) > 0.05
     assert np.mean(np.linalg.norm(z - 2.0, axis=1) < 0.1) > 0.5

@@ -74,6 +74,14 @@ def test_the_end_that_misses_less_is_taken(worse, end):
     assert likelihood.carried_at[TOP] == pytest.approx(optimum.z[TOP], abs=0.1)
 
 
+@pytest.mark.parametrize(("worse", "count"), [(0.0, 1), (0.3, 0)])
+def test_an_end_is_kept_where_it_may_hold_a_share(worse, count):
+    """As good as the best, it is a rival; some forty errors worse, it is forgotten."""
+    optimum, _ = best(TwoEnds((HIGH, worse)), NEIGHBOURS)
+    assert len(optimum.rivals) == count
+    assert all(abs(end.z[TOP] - optimum.z[TOP]) == pytest.approx(HIGH - LOW, abs=0.2) for end in optimum.rivals)
+
+
 def test_photographs_that_are_nowhere_probable_are_refused():
     with pytest.raises(InputError, match="finite probability"):
         best(TwoEnds((LOW, 0.0), lost=True), NEIGHBOURS)

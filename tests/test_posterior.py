@@ -1,5 +1,7 @@
 """The posterior of the limb is the joint one with the nuisances integrated out, however many points are asked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,21 @@ def test_nuisances_are_at_their_best(likelihood):
     likely = np.array(exact) < optimum.cost + 20.0
     assert likely.sum() > 8 and worse.min() > -0.1
     assert worse[likely].max() < 1.5 and np.median(worse[likely]) < 0.2
+
+
+def test_a_rival_serves_its_own_neighbours(likelihood):
+    """Points between two ends have one density, whichever of them their nuisances are sought from."""
+    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
+    step = 0.5 * np.sqrt(np.diag(optimum.covariance))
+    step[LIMB:] = 0.0
+    aside = np.concatenate([optimum.z[:LIMB] + step[:LIMB], optimum.nuisances(optimum.z[:LIMB] + step[:LIMB])])
+    rival = replace(optimum, z=aside, information=quadratic(likelihood, aside).information)
+    factor = np.linalg.cholesky(optimum.covariance[:LIMB, :LIMB])
+    limbs = optimum.z[:LIMB] + 0.7 * np.random.default_rng(5).standard_normal((BATCH, LIMB)) @ factor.T
+    alone, both = LimbPosterior(likelihood, optimum), LimbPosterior(likelihood, replace(optimum, rivals=(rival,)))
+    nearest = [np.argmax([end.optimum.limb.log_density(limb[None])[0] for end in both.ends]) for limb in limbs]
+    assert 0 < sum(nearest) < BATCH
+    assert both(limbs) == pytest.approx(alone(limbs), abs=0.3)
 
 
 def test_a_point_without_a_finite_density_is_ruled_out(posterior):

@@ -14,8 +14,10 @@ import json
 import multiprocessing
 import os
 import time
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,14 +32,14 @@ QUANTITIES = (
 OUT = Path("out/calibration")
 
 
-def fitted(number: int, draws: int | None, folder: Path) -> dict:
+def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any]) -> dict:
     """The row of a photograph: ranks of the truth, medians, and how it was fitted."""
     session.one_blas_thread()
     session.start()
-    from benchmarks.drawn_photograph import draw
+    from benchmarks.drawn_photograph import Wrong, draw
     from inverse.fit import fit_atmosphere
 
-    drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number)
+    drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number, Wrong(**wrong))
     started = time.perf_counter()
     fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number)
     told, registration = fit.diagnostics, fit.photos[0].registration
@@ -61,17 +63,23 @@ def fitted(number: int, draws: int | None, folder: Path) -> dict:
     }
 
 
-def run(count: int, draws: int | None, workers: int, folder: Path) -> list[dict]:
-    """Rows of the first `count` photographs, kept ones and new."""
+def run(
+    count: int, draws: int | None, workers: int, folder: Path, wrong: Mapping[str, Any] | None = None
+) -> list[dict]:
+    """Rows of the first `count` photographs, kept ones and new.
+
+    - `wrong`: with them, as `drawn_photograph.Wrong` takes it.
+    """
+    wrong = wrong or {}
     from inverse.archive.rows import program, read_row, write_row
     from inverse.chain import digest
 
     (folder / "rows").mkdir(parents=True, exist_ok=True)
-    keys = [digest([program(), SEED, draws, number]) for number in range(count)]
+    keys = [digest([program(), SEED, draws, number, *wrong.items()]) for number in range(count)]
     rows = {number: row for number, key in enumerate(keys) if (row := read_row(folder, key)) is not None}
     left = [number for number in range(count) if number not in rows]
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        tasks = {pool.submit(fitted, number, draws, folder): number for number in left}
+        tasks = {pool.submit(fitted, number, draws, folder, wrong): number for number in left}
         for task in as_completed(tasks):
             number = tasks[task]
             try:

@@ -18,14 +18,17 @@ from scipy.signal import fftconvolve
 from scipy.spatial.distance import cdist
 
 from eclipsejax.almanac import Eclipse, eclipses
+from eclipsejax.atmosphere import Atmosphere, Clouds
 from eclipsejax.camera import Camera, sky_plane
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
+from eclipsejax.limb_sectors import along_limb
 from eclipsejax.moon import Moon
 from eclipsejax.render import channel_weights, render
 from eclipsejax.response import encode_srgb
 from eclipsejax.scatterers import Scatterers
 from eclipsejax.scene import Scene, axis_offset, disc_points
+from eclipsejax.sounding import Sounding
 from inverse import noise, prior
 from inverse.cells import CELLS_PER_RADIUS
 from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE
@@ -40,7 +43,48 @@ FULL_WELL, READ_NOISE = 20e3, 5.0  # electrons
 BLUR = 2.0  # pixel, full width at half maximum
 COLOURS = ("red", "green", "blue")
 SURVIVING = 0.82  # of the independent errors of patches, once the picture is blurred: what is left in a cell
+CLOUDS_WIDTH = 4e3  # m: of those that are `Wrong`
 ERROR_POINTS = 41  # along the diameter of the grid that smooth errors are drawn on
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong with a photograph that no fit knows of; by default nothing.
+
+    - `vignetting`: by how much light is lost one radius of the disc from the picture's middle, as its square.
+    - `glow`: over the middle, of the disc's mean, from nothing on the left to twice as much on the right.
+    - `tone`: swing of the tone curve, once up and down in a decade of light.
+    - `clock`: error of its clock [s], instead of one from the prior.
+    - `air`: name of an AFGL atmosphere, instead of the U.S. standard one.
+    - `clouds`: top of clouds without gaps on a fifth of the limb [m].
+    """
+
+    vignetting: float = 0.0
+    glow: float = 0.0
+    tone: float = 0.0
+    clock: float | None = None
+    air: str | None = None
+    clouds: float | None = None
+
+    def limb(self, atmosphere: Atmosphere) -> Atmosphere:
+        """What the limb is, instead of the one drawn."""
+        if self.air is not None:
+            atmosphere = replace(atmosphere, air=Sounding.afgl(self.air))
+        if self.clouds is None:
+            return atmosphere
+        cloudy = replace(atmosphere, clouds=Clouds(self.clouds, 1.0, CLOUDS_WIDTH))
+        return along_limb([cloudy, *[atmosphere] * 4])
+
+    def light(self, light: np.ndarray, radius: float) -> np.ndarray:
+        """What falls on the sensor (row, column, 3); `radius`: of the disc [pixel]."""
+        row, column = (axis - side / 2 for axis, side in zip(np.indices(SHAPE), SHAPE, strict=True))
+        lost = self.vignetting * (row**2 + column**2) / radius**2
+        glow = self.glow * light.mean() * np.prod(SHAPE) / (np.pi * radius**2) * (1.0 + 2.0 * column / SHAPE[1])
+        return light * (1.0 - lost)[..., None] + glow[..., None]
+
+    def curve(self, value: np.ndarray) -> np.ndarray:
+        """Linear values in [0, 1] after the tone curve, with its swing."""
+        return value * (1.0 + self.tone * np.sin(2.0 * np.pi * np.log10(np.maximum(value, 1e-6))))
 
 
 @dataclass(frozen=True)
@@ -63,13 +107,15 @@ class Drawn:
     radius: float
 
 
-def draw(path: Path, seed: int, number: int) -> Drawn:
+def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
     """Draw photograph `number` of a seed and write it, a JPEG."""
     random = np.random.default_rng([seed, number])
     z = random.standard_normal(len(prior.ATMOSPHERE))
     limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
     parameters = prior.PHOTOGRAPH + prior.TONE
     nuisance = {p.name: float(p.value(random.standard_normal())) for p in parameters}
+    if wrong.clock is not None:
+        nuisance["clock"] = wrong.clock
     stated, site = _instant(random)
     where = stated.after(nuisance["clock"])
     roll, radius = random.uniform(0.0, 2.0 * np.pi), random.uniform(*RADIUS)
@@ -77,10 +123,10 @@ def draw(path: Path, seed: int, number: int) -> Drawn:
     scale = MOON_RADIUS / float(np.linalg.norm(where.moon - where.observer)) / radius
     camera = Camera(shape=SHAPE, scale=scale, roll=roll, centre=(row, column), response="nikon_5100")
     scene = Scene(where, camera, moon=Moon(contrast=nuisance["albedo.contrast"]))
-    light = _light(scene, z, limb["scattered.amplitude"])
+    light = _light(scene, wrong.limb(prior.atmosphere(jnp.asarray(z))), limb["scattered.amplitude"])
     right, up = _positions(row, column, radius)
     light = light * np.exp(_errors(random, right, up, np.asarray(_offsets(scene))))
-    encoded = _developed(random, light, nuisance, right, up, radius)
+    encoded = _developed(random, wrong.light(light, radius), nuisance, right, up, radius, wrong)
     Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
     return Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius)
 
@@ -103,9 +149,8 @@ def _instant(random) -> tuple[Geometry, tuple[float, float]]:
             return where, site
 
 
-def _light(scene: Scene, z: np.ndarray, amplitude: float) -> np.ndarray:
+def _light(scene: Scene, atmosphere: Atmosphere, amplitude: float) -> np.ndarray:
     """Light in the camera's channels (row, column, 3), white on the uneclipsed Moon."""
-    atmosphere = prior.atmosphere(jnp.asarray(z))
     direct, whole = (np.asarray(_rendered(replace(scene, scatterers=s), atmosphere)) for s in (None, Scatterers()))
     light = direct + amplitude * (whole - direct)
     return light / np.asarray(channel_weights(scene, 24)[1].sum(axis=0))
@@ -156,7 +201,7 @@ def _errors(random, right, up, offset) -> np.ndarray:
     return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]] / SURVIVING
 
 
-def _developed(random, light, nuisance, right, up, radius) -> np.ndarray:
+def _developed(random, light, nuisance, right, up, radius, wrong: Wrong) -> np.ndarray:
     """What a camera makes of light (row, column, 3): pixel values in [0, 1]."""
     on_disc = np.hypot(right, up) < 0.95
     veil = nuisance["camera.veil"] * np.exp(np.mean(np.log(light.mean(axis=-1)[on_disc])))
@@ -181,4 +226,4 @@ def _developed(random, light, nuisance, right, up, radius) -> np.ndarray:
     x = np.clip(light @ matrix.T - nuisance["tone.black"], 0.0, 1.0) ** nuisance["tone.exponent"]
     x = x * (1.0 + nuisance["tone.toe"]) * x / (x + nuisance["tone.toe"])
     x = x * (1.0 + nuisance["tone.shoulder"]) / (1.0 + nuisance["tone.shoulder"] * x)
-    return np.clip(np.asarray(encode_srgb(jnp.asarray(x))), 0.0, 1.0)
+    return np.clip(np.asarray(encode_srgb(jnp.asarray(wrong.curve(x)))), 0.0, 1.0)

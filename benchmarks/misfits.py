@@ -1,0 +1,86 @@
+"""What a fit makes of photographs that are wrong in ways it knows nothing of: does the dust hold?
+
+    python -m benchmarks.misfits                # 10 photographs in each of seven ways: some two hours on two cores
+    python -m benchmarks.misfits --count 4      # fewer
+
+Photographs are those of `benchmarks.calibration`, spoilt. The bias is the mean change of the median optical depth by
+what is wrong, of the same photographs; wanted is 0.003 or a tenth of their mean optical depth, and 95 % intervals that
+hold the truth in nine of ten. Rows are kept as there, and the same command does what is left.
+"""
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.calibration import OUT as CALIBRATION
+from benchmarks.calibration import SEED, run
+from benchmarks.measure import RESULTS
+from eclipsejax.atmosphere import Dust
+
+WAYS: dict[str, dict[str, Any]] = {
+    "vignetting of 10 %": {"vignetting": 0.1},
+    "clouds to 13 km on a fifth of the limb": {"clouds": 13e3},
+    "clock wrong by 2 minutes": {"clock": 120.0},
+    "glow of 0.5 %, uneven": {"glow": 0.005},
+    "tone curve wrong by 5 %": {"tone": 0.05},
+    "tropical air": {"air": "tropical"},
+    "subarctic winter's air": {"air": "subarctic_winter"},
+}
+OUT = Path("out/misfits")
+LARGEST_BIAS, LARGEST_SHARE, LEAST_COVERAGE = 0.003, 0.1, 0.9
+
+
+def judged(rows: list[dict], clean: list[dict]) -> dict[str, Any]:
+    """Bias of the optical depth, and how often intervals held the truth."""
+    pairs = [
+        (row, other) for row, other in zip(rows, clean, strict=True) if "error" not in row and "error" not in other
+    ]
+    truth, median, before = (
+        np.array([values["dust.extinction"] for values in each]) * float(Dust().top - Dust().base)
+        for each in zip(*((row["truth"], row["median"], other["median"]) for row, other in pairs), strict=True)
+    )
+    held = float(np.mean([abs(row["rank"]["dust.extinction"] - 0.5) < 0.475 for row, _ in pairs]))
+    bias, wanted = float(np.mean(median - before)), max(LARGEST_BIAS, LARGEST_SHARE * float(truth.mean()))
+    return {
+        "photographs": len(rows), "not fitted": len(rows) - len(pairs),
+        "bias": bias, "wanted": wanted, "coverage of 95 %": held,
+        "median of all changes": float(np.median(median - before)),
+        "told that the model does not explain them": int(sum(row["p"] < 0.01 for row, _ in pairs)),
+        "inside": abs(bias) <= wanted and held >= LEAST_COVERAGE,
+    }  # fmt: skip
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10, metavar="N", help="photographs in each way; default 10")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
+    parser.add_argument(
+        "--clean",
+        type=Path,
+        default=CALIBRATION,
+        metavar="DIR",
+        help=f"of the rows of calibration; default {CALIBRATION}",
+    )
+    options = parser.parse_args()
+    clean = run(options.count, None, options.workers, options.clean)
+    found = {}
+    for way, wrong in WAYS.items():
+        print(f"{way}:", flush=True)
+        found[way] = judged(run(options.count, None, options.workers, options.out, wrong), clean)
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "misfits.json").write_text(json.dumps({"seed": SEED, "ways": found}, indent=1) + "\n")
+    for way, one in found.items():
+        print(
+            f"{way:<40}bias {one['bias']:+.4f} (wanted {one['wanted']:.4f}), 95 % intervals hold "
+            f"{one['coverage of 95 %']:.0%}{'' if one['inside'] else ', missed'}"
+        )
+    return 0 if all(one["inside"] for one in found.values()) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -34,7 +34,6 @@ OUT = Path("out/calibration")
 
 def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any]) -> dict:
     """The row of a photograph: ranks of the truth, medians, and how it was fitted."""
-    session.one_blas_thread()
     session.start()
     from benchmarks.drawn_photograph import Wrong, draw
     from inverse.fit import fit_atmosphere
@@ -70,6 +69,7 @@ def run(
 
     - `wrong`: with them, as `drawn_photograph.Wrong` takes it.
     """
+    session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
     wrong = wrong or {}
     from inverse.archive.rows import program, read_row, write_row
     from inverse.chain import digest

@@ -1,7 +1,7 @@
 """What a fit makes of photographs that are wrong in ways it knows nothing of: does the dust hold?
 
     python -m benchmarks.misfits                # 10 photographs in each of seven ways: some two hours on two cores
-    python -m benchmarks.misfits --count 4      # fewer
+    python -m benchmarks.misfits --draws 0      # by Laplace's approximation alone: half an hour
 
 Photographs are those of `benchmarks.calibration`, spoilt. The bias is the mean change of the median optical depth by
 what is wrong, of the same photographs; wanted is 0.003 or a tenth of their mean optical depth, and 95 % intervals that
@@ -57,6 +57,7 @@ def judged(rows: list[dict], clean: list[dict]) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10, metavar="N", help="photographs in each way; default 10")
+    parser.add_argument("--draws", type=int, metavar="N", help="as of fit_atmosphere")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
     parser.add_argument(
@@ -67,13 +68,15 @@ def main() -> int:
         help=f"of the rows of calibration; default {CALIBRATION}",
     )
     options = parser.parse_args()
-    clean = run(options.count, None, options.workers, options.clean)
+    clean = run(options.count, options.draws, options.workers, options.clean)
     found = {}
     for way, wrong in WAYS.items():
         print(f"{way}:", flush=True)
-        found[way] = judged(run(options.count, None, options.workers, options.out, wrong), clean)
+        found[way] = judged(run(options.count, options.draws, options.workers, options.out, wrong), clean)
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "misfits.json").write_text(json.dumps({"seed": SEED, "ways": found}, indent=1) + "\n")
+    (RESULTS / "misfits.json").write_text(
+        json.dumps({"seed": SEED, "draws": options.draws, "ways": found}, indent=1) + "\n"
+    )
     for way, one in found.items():
         print(
             f"{way:<40}bias {one['bias']:+.4f} (wanted {one['wanted']:.4f}), 95 % intervals hold "

@@ -24,11 +24,13 @@ import numpy as np
 from benchmarks.coverage import LEVELS, coverage, least_tail, smallest_tail
 from benchmarks.measure import RESULTS
 from eclipsejax import session
+from eclipsejax.atmosphere import Dust
 
 SEED = 20221108
 QUANTITIES = (
     "dust.extinction", "air.surface_temperature", "clouds.top", "clouds.cover", "ozone.column_du",
 )  # fmt: skip
+DEPTHS = {"0.01": (0.005, 0.02), "0.1": (0.05, 0.2)}  # optical depths whose errors are told
 OUT = Path("out/calibration")
 
 
@@ -112,12 +114,26 @@ def summary(rows: list[dict]) -> dict:
                for part in parts},
             "ranks": {"tail": tail, "least": least, "inside": tail >= least},
         }  # fmt: skip
+    found["optical depth"] = {about: accuracy(fits, *ends) for about, ends in DEPTHS.items()}
     methods = [row["method"] for row in fits]
     found["methods"] = {method: methods.count(method) for method in sorted(set(methods))}
     for name in ("centre_error_px", "radius_error", "roll_error_deg", "clock_error_s", "seconds"):
         values = np.abs([row[name] for row in fits])
         found[name] = {"median": float(np.median(values)), "95 %": float(np.quantile(values, 0.95))}
     return found
+
+
+def accuracy(fits: list[dict], least: float, most: float) -> dict[str, float | int]:
+    """How far the medians of photographs with optical depths in a range are off, and what their fits say of that."""
+    layer = float(Dust().top - Dust().base)
+    truth, median, sd = (
+        layer * np.array([row[what]["dust.extinction"] for row in fits]) for what in ("truth", "median", "sd")
+    )
+    chosen = (truth > least) & (truth < most)
+    if not chosen.any():
+        return {"photographs": 0}
+    error = float(np.sqrt(np.mean(np.square(median - truth)[chosen])))
+    return {"photographs": int(chosen.sum()), "rms error": error, "mean sd": float(sd[chosen].mean())}
 
 
 def passed(found: dict) -> bool:
@@ -142,6 +158,12 @@ def main() -> int:
             for level in ("68", "95")
         )
         print(f"{quantity:<26}{shares}, ranks {'inside' if one['ranks']['inside'] else 'outside'}")
+    for about, one in found["optical depth"].items():
+        if one["photographs"]:
+            print(
+                f"optical depth about {about:<6}{one['photographs']} photographs, rms error {one['rms error']:.4f}, "
+                f"mean standard deviation {one['mean sd']:.4f}"
+            )
     return 0 if passed(found) else 1
 
 

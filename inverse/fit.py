@@ -19,7 +19,7 @@ from inverse.map_estimate import Optimum
 from inverse.misfit_check import misfit_checks
 from inverse.optimum import STAGES, best
 from inverse.result import Fit
-from inverse.summary import estimates, photo_fit, provenance, warnings_of
+from inverse.summary import estimates, other_ends, photo_fit, provenance, warnings_of
 
 SHOWN = 24  # draws behind the bands of the plots
 
@@ -121,6 +121,7 @@ def conclude(
     diagnostics = {
         "converged": optimum.converged,
         "steps": optimum.steps,
+        "other_ends": other_ends(optimum),
         "costs_of_starts": [cost if np.isfinite(cost) else None for cost in optimum.costs],
         "steps_not_finite": optimum.not_finite,
         "errors": [

@@ -195,6 +195,7 @@ def _drawing(diagnostics: Mapping[str, Any]) -> list[str]:
         for key in (
             "converged",
             "steps",
+            "other_ends",
             "costs_of_starts",
             "steps_not_finite",
             "condition_number",

@@ -77,12 +77,11 @@ def quadratic(likelihood: Likelihood, z: np.ndarray) -> Quadratic:
     """Minus twice the log posterior about z."""
     cost, gradient, information = float(z @ z), z.copy(), np.eye(z.size)
     for number, (misfit, slopes) in enumerate(likelihood.misfits_and_slopes(z)):
-        white = likelihood.errors[number].whitener
-        misfit, slopes = white(misfit), white(slopes)
+        products = likelihood.errors[number].whitener.products(np.column_stack([slopes, misfit]))
         columns = likelihood.columns(number)
-        cost += float(misfit @ misfit)
-        gradient[columns] += slopes.T @ misfit
-        information[np.ix_(columns, columns)] += slopes.T @ slopes
+        cost += float(products[-1, -1])
+        gradient[columns] += products[:-1, -1]
+        information[np.ix_(columns, columns)] += products[:-1, :-1]
     return Quadratic(cost, gradient, information)
 
 

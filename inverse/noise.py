@@ -117,6 +117,12 @@ class Whitener:
         scaled = self.alone(residual)
         return scaled + (((scaled.T @ self.basis) * self.shrink) @ self.basis.T).T
 
+    def products(self, columns: np.ndarray) -> np.ndarray:
+        """Of columns (datum, column) with each other, C^(-1) between them: half the work of multiplying them first."""
+        scaled = self.alone(columns)
+        along = self.basis.T @ scaled
+        return scaled.T @ scaled + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
+
 
 def whitener(alone: Alone, low_rank: np.ndarray) -> Whitener:
     """From the inverse root of D and L (datum, rank)."""

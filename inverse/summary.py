@@ -181,6 +181,19 @@ def _photograph(photo, registration, right, up):
     return np.where(inside[:, None], total / spread**2, np.nan)
 
 
+def other_ends(optimum: Optimum) -> list[dict[str, float]]:
+    """For `Fit.diagnostics`: the limbs of the rivals, and their `mass` after Laplace in units of the optimum's."""
+    return [
+        {
+            "mass": float(np.exp(end.log_mass - optimum.log_mass)),
+            **{
+                parameter.name: float(parameter.value(z)) for parameter, z in zip(prior.ATMOSPHERE, end.z, strict=False)
+            },
+        }
+        for end in optimum.rivals
+    ]
+
+
 def warnings_of(evidence, found, diagnostics) -> list[str]:
     """What a reader must know before believing the numbers."""
     sentences = [remark for item in evidence for remark in item.remarks]
@@ -190,6 +203,12 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
         sentences.append(
             f"The posterior was not a finite number at {lost} of the {diagnostics['evaluated']} points where it was "
             "asked for, and was taken as zero there: the intervals leave out whatever lies there."
+        )
+    if (others := diagnostics["other_ends"]) and diagnostics["method"] != "laplace+psis":
+        mass = sum(end["mass"] for end in others)
+        sentences.append(
+            f"The posterior has another peak, with some {mass / (1.0 + mass):.0%} of its probability, which was left "
+            "out: fit without --draws, which looks at all of them."
         )
     sentences += all_unexplained([item.name for item in evidence], diagnostics)
     sampler = diagnostics["sampler"]

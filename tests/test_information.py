@@ -12,7 +12,7 @@ from inverse.information import in_words, independent_in_words, information, und
 from inverse.likelihood import LIMB
 from inverse.map_estimate import Optimum, descend
 from inverse.misfit_check import misfit_checks, unexplained
-from inverse.summary import warnings_of
+from inverse.summary import other_ends, warnings_of
 from tests.test_map_estimate import Straight
 
 LABELS = [*(parameter.name for parameter in prior.ATMOSPHERE), "1.gain", "1.clock"]
@@ -22,6 +22,12 @@ FOUND = {"smooth": 0.1, "chromatic": 0.04}
 
 def optimum_of(covariance) -> Optimum:
     return Optimum(np.zeros(len(covariance)), 0.0, True, 1, np.linalg.inv(covariance), ())
+
+
+TWO_PEAKS = replace(
+    optimum_of(np.eye(COUNT)),
+    rivals=(replace(optimum_of(np.eye(COUNT)), z=np.eye(COUNT)[1], cost=2.0 * np.log(2.0)),),
+)
 
 
 def by_hand():
@@ -148,9 +154,22 @@ def test_verdict_stands_among_the_warnings():
         name: replace(estimate, informed=0.9, ci95=(1.0, 2.0), prior_ci95=(0.1, 9.0))
         for name, estimate in fake_fit().estimates.items()
     }
-    diagnostics = {"converged": True, "errors": [FOUND], "sampler": None, "misfit_checks": [checked()], "not_finite": 0}
+    diagnostics = {
+        "converged": True, "errors": [FOUND], "sampler": None, "misfit_checks": [checked()], "not_finite": 0,
+        "method": "laplace", "other_ends": [],
+    }  # fmt: skip
     assert warnings_of(evidence, found, diagnostics) == []
     [sentence] = warnings_of(evidence, found, {**diagnostics, "misfit_checks": [checked(error=1.3)]})
     assert sentence.startswith("This model cannot explain a.jpg")
     [sentence] = warnings_of(evidence, found, {**diagnostics, "evaluated": 4048, "not_finite": 12})
     assert "at 12 of the 4048 points" in sentence and "taken as zero there" in sentence
+    two = {**diagnostics, "other_ends": other_ends(TWO_PEAKS)}
+    [sentence] = warnings_of(evidence, found, two)
+    assert "another peak, with some 33%" in sentence
+    assert warnings_of(evidence, found, {**two, "method": "laplace+psis"}) == []
+
+
+def test_other_ends_are_told_with_their_mass_and_limb():
+    [end] = other_ends(TWO_PEAKS)
+    assert end["mass"] == pytest.approx(0.5)
+    assert end["air.surface_temperature"] == pytest.approx(285.0 + 12.0)

@@ -98,6 +98,9 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     covariance = np.asarray(block_diag(*errors.cells)) + flat @ flat.T
     expected = residual @ np.linalg.solve(covariance, residual)
     assert np.sum(errors.whitener(residual) ** 2) == pytest.approx(expected, rel=1e-9)
+    columns = np.column_stack([residual, residual**2])
+    white = errors.whitener(columns)
+    np.testing.assert_allclose(errors.whitener.products(columns), white.T @ white, rtol=1e-9)
     alone = errors.without_smooth()
     np.testing.assert_allclose(alone.scale**2, np.diag(covariance))
     np.testing.assert_allclose(alone.whitener(residual), residual / alone.scale, rtol=1e-6)

@@ -349,7 +349,7 @@ def test_much_more_absorber_is_never_brighter():
         assert np.all(lit(more)[0] <= value)
 
 
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", [4, 5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 106))])
 def test_no_light_is_lost_but_what_the_limb_keeps(seed):
     # Refraction only moves light about: what is missing from the shadow, summed over the Moon's plane, is what the
     # disc of the Earth and the air and clouds on its rim take out of the beam. (Rays are inclined: 2e-4.)

@@ -1,6 +1,6 @@
 """A picture of a partial eclipse, 1,000 x 1,000: time against error, in either precision, with optics and derivatives.
 
-    python -m benchmarks.images      # three minutes; prints a table and writes benchmarks/results/images.json
+    python -m benchmarks.images      # four minutes; prints a table and writes benchmarks/results/images.json
 
 One atmosphere on a prepared scene. Errors are the largest on the disc, relative to a pixel's brightest channel, against
 a picture that is finer than `render` offers; that in turn is compared, at some pixels, with `shadow_irradiance`, which

@@ -125,15 +125,17 @@ def summary(rows: list[dict]) -> dict:
 
 def accuracy(fits: list[dict], least: float, most: float) -> dict[str, float | int]:
     """How far the medians of photographs with optical depths in a range are off, and what their fits say of that."""
-    layer = float(Dust().top - Dust().base)
-    truth, median, sd = (
-        layer * np.array([row[what]["dust.extinction"] for row in fits]) for what in ("truth", "median", "sd")
-    )
+    truth, median, sd = (optical_depths(fits, what) for what in ("truth", "median", "sd"))
     chosen = (truth > least) & (truth < most)
     if not chosen.any():
         return {"photographs": 0}
     error = float(np.sqrt(np.mean(np.square(median - truth)[chosen])))
     return {"photographs": int(chosen.sum()), "rms error": error, "mean sd": float(sd[chosen].mean())}
+
+
+def optical_depths(fits: list[dict], what: str) -> np.ndarray:
+    """Vertical ones of the stratosphere's dust (photograph,); `what`: "truth", "median" or "sd" of them."""
+    return np.asarray(Dust(np.array([row[what]["dust.extinction"] for row in fits])).optical_depth)
 
 
 def passed(found: dict) -> bool:

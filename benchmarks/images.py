@@ -24,10 +24,11 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from benchmarks.measure import Measurement, report, timed
+from benchmarks.scenes import FIELD, draw, prepare
 from benchmarks.shadow_speed import PHASES, SITE, VALUES, typical_with
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.camera import Camera, signal
-from eclipsejax.render import SAMPLINGS, Sampling, channel_weights, pixels, renderer, sampled, unflattened
+from eclipsejax.render import SAMPLINGS, Sampling, channel_weights, pixels, sampled, unflattened
 from eclipsejax.response import linear_from_xyz
 from eclipsejax.scene import Scene, disc_points
 from eclipsejax.shadow import shadow_irradiance
@@ -37,15 +38,13 @@ SIZE = 1000
 FINEST, FINE = 1e-4, Sampling(1280, 48)  # not offered: see `render.SAMPLINGS` for what does not get better with it
 SOME = 100  # pixels
 
-prepare = eqx.filter_jit(renderer)
-draw = eqx.filter_jit(lambda picture, limb: picture(limb))
 expose = eqx.filter_jit(lambda picture, limb, camera: signal(picture(limb), camera))
 derive = eqx.filter_jit(lambda picture, values: slopes(lambda numbers: picture(typical_with(numbers)), list(values)))
 
 
 def partial_eclipse() -> Scene:
     """The scene, through optics of two pixels."""
-    camera = Camera(shape=(SIZE, SIZE), scale=0.0125 / SIZE, psf_fwhm=2.0)
+    camera = Camera(shape=(SIZE, SIZE), scale=FIELD / SIZE, psf_fwhm=2.0)
     return Scene.at(PHASES["partial"], *SITE, camera=camera)
 
 

@@ -11,15 +11,17 @@ hold the truth in nine of ten. Rows are kept as there, and the same command does
 import argparse
 import json
 import os
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.calibration import OUT as CALIBRATION
-from benchmarks.calibration import SEED, run
+from benchmarks.calibration import SEED, optical_depths, run
+from benchmarks.coverage import coverage
 from benchmarks.measure import RESULTS
-from eclipsejax.atmosphere import Dust
+from inverse.misfit_check import IMPROBABLE
 
 WAYS: dict[str, dict[str, Any]] = {
     "vignetting of 10 %": {"vignetting": 0.1},
@@ -36,20 +38,16 @@ LARGEST_BIAS, LARGEST_SHARE, LEAST_COVERAGE = 0.003, 0.1, 0.9
 
 def judged(rows: list[dict], clean: list[dict]) -> dict[str, Any]:
     """Bias of the optical depth, and how often intervals held the truth."""
-    pairs = [
-        (row, other) for row, other in zip(rows, clean, strict=True) if "error" not in row and "error" not in other
-    ]
-    truth, median, before = (
-        np.array([values["dust.extinction"] for values in each]) * float(Dust().top - Dust().base)
-        for each in zip(*((row["truth"], row["median"], other["median"]) for row, other in pairs), strict=True)
-    )
-    held = float(np.mean([abs(row["rank"]["dust.extinction"] - 0.5) < 0.475 for row, _ in pairs]))
-    bias, wanted = float(np.mean(median - before)), max(LARGEST_BIAS, LARGEST_SHARE * float(truth.mean()))
+    both = ["error" not in row and "error" not in other for row, other in zip(rows, clean, strict=True)]
+    fits, unspoilt = list(compress(rows, both)), list(compress(clean, both))
+    change = optical_depths(fits, "median") - optical_depths(unspoilt, "median")
+    bias, wanted = float(change.mean()), max(LARGEST_BIAS, LARGEST_SHARE * float(optical_depths(fits, "truth").mean()))
+    held = coverage(np.array([row["rank"]["dust.extinction"] for row in fits]), 0.95, 1).share
     return {
-        "photographs": len(rows), "not fitted": len(rows) - len(pairs),
+        "photographs": len(rows), "not fitted": len(rows) - len(fits),
         "bias": bias, "wanted": wanted, "coverage of 95 %": held,
-        "median of all changes": float(np.median(median - before)),
-        "told that the model does not explain them": int(sum(row["p"] < 0.01 for row, _ in pairs)),
+        "median of all changes": float(np.median(change)),
+        "told that the model does not explain them": int(sum(row["p"] < IMPROBABLE for row in fits)),
         "inside": abs(bias) <= wanted and held >= LEAST_COVERAGE,
     }  # fmt: skip
 

@@ -18,7 +18,7 @@ import numpy as np
 from eclipsejax.errors import InputError
 from eclipsejax.whole_file import reason, whole_file
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)

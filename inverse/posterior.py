@@ -63,7 +63,7 @@ class LimbPosterior:
 
     def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
         """Misfits, `AT_ONCE` points at a time."""
-        nearest = np.argmax([end.optimum.limb.log_density(z) for end in self.ends], axis=0)
+        nearest = np.argmax([end.limb.log_density(z) for end in self.ends], axis=0)
         for begin in range(0, len(z), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)
             groups = [np.flatnonzero(nearest[part] == number) for number in range(len(self.ends))]
@@ -75,7 +75,7 @@ class Surroundings:
     """The posterior about one optimum."""
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
-        self.likelihood, self.optimum = likelihood, optimum
+        self.likelihood, self.optimum, self.limb = likelihood, optimum, optimum.limb
         self.information = cho_factor(optimum.information[LIMB:, LIMB:])
         slopes = []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):

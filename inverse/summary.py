@@ -186,9 +186,7 @@ def other_ends(optimum: Optimum) -> list[dict[str, float]]:
     return [
         {
             "mass": float(np.exp(end.log_mass - optimum.log_mass)),
-            **{
-                parameter.name: float(parameter.value(z)) for parameter, z in zip(prior.ATMOSPHERE, end.z, strict=False)
-            },
+            **{name: float(value) for name, value in prior.values(prior.ATMOSPHERE, jnp.asarray(end.z)).items()},
         }
         for end in optimum.rivals
     ]

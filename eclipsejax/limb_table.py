@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from eclipsejax.constants import EARTH_RADIUS
-from eclipsejax.limb import grazing_ray, medium
+from eclipsejax.limb import medium, ray_sums
 from eclipsejax.sunlight import sky_angle
 
 
@@ -129,11 +129,12 @@ def grazing_rays(
     refractivities, mixture = _dispersion_nodes(atmosphere, wavelength, dispersion)
     breaks = ray_breaks(atmosphere)
 
-    def trace(refractivity, z):
-        return grazing_ray(scaled(atmosphere, refractivity), breaks, z, order=order)
+    crossed = np.indices((tangent_height.size, breaks.size - 1)).reshape(2, -1)  # whatever their order, every panel
 
-    traced = jax.vmap(jax.vmap(trace, in_axes=(None, 0)), in_axes=(0, None))(refractivities, tangent_height)
-    bending, columns = (jnp.tensordot(mixture, values, axes=1) for values in traced)
+    def trace(refractivity):
+        return ray_sums(scaled(atmosphere, refractivity), breaks, tangent_height, crossed, order)
+
+    _, bending, columns = (jnp.tensordot(mixture, values, axes=1) for values in jax.vmap(trace)(refractivities))
     coefficients = jax.vmap(atmosphere.coefficients)(wavelength)
     return bending.T, jnp.einsum("wzc,wc->zw", columns, coefficients)
 
@@ -144,7 +145,7 @@ def ray_breaks(atmosphere):
 
 
 def scaled(atmosphere, refractivity):
-    """The profile function of `grazing_ray` for air of this refractivity at 15 C and 1 atm."""
+    """The profile function of `ray_sums` for air of this refractivity at 15 C and 1 atm."""
 
     def profile(z):
         density_ratio, absorbers = atmosphere.profiles(z)
@@ -168,14 +169,13 @@ def limb_table(atmosphere, wavelength: Float[Array, " wavelength"], counts, brea
     u, to_coefficients = chebyshev_nodes(counts.table)
     tangent_height = (upper - (upper - lower) * u[:, None] ** 2).T  # (panel, node)
 
-    def trace(profile):
-        def one(z):
-            bending, columns = grazing_ray(
-                profile, breaks, z, order=counts.ray, newton_steps=2 if counts.ray > 8 else 1
-            )
-            return (EARTH_RADIUS + z) * profile(z)[0], bending, columns
+    # A ray of a panel crosses that and those above it.
+    panels = breaks.size - 1
+    crossing = np.repeat(np.arange(panels), counts.table)
+    crossed = np.nonzero(crossing[:, None] <= np.arange(panels))
 
-        values = jax.vmap(one)(tangent_height.reshape(-1))  # not one `vmap` in another: each takes its time to trace
+    def trace(profile):
+        values = ray_sums(profile, breaks, tangent_height.reshape(-1), crossed, counts.ray)
         return jax.tree.map(lambda value: value.reshape(*tangent_height.shape, *value.shape[1:]), values)
 
     if hasattr(atmosphere, "profiles"):

@@ -157,15 +157,15 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
     first, last = (_signed_cell(psi_line[side], cells) for side in (0, -1))
     number = first - last + 1
     ends = jnp.cumsum(number)
-    piece = jnp.arange(2 * count + 2 * panel.size)
-    branch = jnp.minimum(jnp.sum(piece[:, None] >= ends, axis=1), panel.size - 1)
+    piece = np.arange(2 * count + 2 * panel.size)
+    branch = _first(lambda branch: ends[branch] > piece, np.zeros_like(piece), panel.size - 1)
     rank = piece - (ends - number)[branch]
     cell = first[branch] - rank
     here = jnp.asarray(panel)[branch]
 
     # A piece ends where psi passes the lower edge of its cell (of -|psi|, the upper), if its branch gets there.
     edge = jnp.where(cell > 0, 1.0, -1.0) * cells.edges[jnp.clip(jnp.maximum(cell - 1, -cell), 0, count)]
-    cut = _crossing(psi, slope, here, psi_line[:, branch], u_line[:, branch], edge)
+    cut = _crossing(psi, slope, here, branch, psi_line, u_line, edge)
     # The derivative of the cut, by the implicit function theorem.
     steep = series(slope, here, cut)
     cut = cut - derivative_only(series(moving, here, cut) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf))
@@ -174,12 +174,10 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
     return _Pieces(here, before, cut, jnp.abs(cell) - 1, cell < 0, piece < ends[-1])
 
 
-def _crossing(psi, slope, panel, psi_line, u_line, edge):
+def _crossing(psi, slope, panel, branch, psi_line, u_line, edge):
     """u at which each falling psi(u) passes an edge: between two points of its line, then by Newton's steps."""
-    above = jnp.clip(jnp.sum(psi_line > edge, axis=0), 1, _GRID - 1)[None]
-    (u0, u1), (psi0, psi1) = (
-        [jnp.take_along_axis(line, index, axis=0)[0] for index in (above - 1, above)] for line in (u_line, psi_line)
-    )
+    after = _first(lambda point: psi_line[point, branch] <= edge, jnp.ones_like(branch), _GRID - 1)
+    (u0, u1), (psi0, psi1) = ([line[point, branch] for point in (after - 1, after)] for line in (u_line, psi_line))
     rise = psi1 - psi0
     u = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
     for _ in range(_NEWTON):
@@ -187,6 +185,19 @@ def _crossing(psi, slope, panel, psi_line, u_line, edge):
         step = (there - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
         u = jnp.clip(u - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
     return u
+
+
+def _first(holds, least: Int[Array, "..."], most: int) -> Int[Array, "..."]:
+    """The first number, from `least` to `most`, from which on something holds; `most` if it never does.
+
+    By halving: to try every number of them takes three times as long.
+    """
+    low, high = least, jnp.full_like(least, most)
+    for _ in range(most.bit_length()):
+        middle = (low + high) // 2
+        here = holds(middle)
+        low, high = jnp.where(here, low, jnp.minimum(middle + 1, high)), jnp.where(here, middle, high)
+    return low
 
 
 def _signed_cell(psi, cells):

@@ -29,6 +29,7 @@ TOGETHER = 8  # of them worked out side by side: more needs memory and is no fas
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
 STEPS = 4  # of the nuisances after the linear guess, at most
 SETTLED = 0.05  # fall of the squares that is not worth another step
+TRIED, HOPELESS = 2, 50.0  # steps after which a limb is left that promises squares this far above the optimum's
 SHORTER = 0.3  # a step that made things worse, when it is tried again
 
 
@@ -95,17 +96,24 @@ class Surroundings:
         count, moving = self.slopes.shape[1], np.arange(len(limbs))
         best = self._rows(entries, self.optimum.nuisances(limbs))
         least, share = _squares(best), np.ones(len(limbs))
-        for _ in range(STEPS):
+        hopeless = self.optimum.cost + HOPELESS - np.sum(limbs**2, axis=1)
+        for tried in range(STEPS):
             known = np.where(np.isfinite(best[moving]), best[moving], 0.0)
-            step = cho_solve(self.information, (known[:, :-count] @ self.slopes + known[:, -count:]).T).T
+            gradient = known[:, :-count] @ self.slopes + known[:, -count:]
+            step = cho_solve(self.information, gradient.T).T
+            fall = np.sum(gradient * step, axis=1)  # of the squares, were they a parabola
+            promising = fall * share[moving] * (2.0 - share[moving]) > SETTLED
+            if tried >= TRIED:
+                promising &= least[moving] - fall < hopeless[moving]
+            moving, step = moving[promising], step[promising]
+            if not moving.size:
+                break
             rows = self._rows(entries[moving], best[moving, -count:] - share[moving, None] * step)
             squares = _squares(rows)
             better, much = squares < least[moving], squares < least[moving] - SETTLED
             share[moving] = np.where(better, 1.0, SHORTER * share[moving])
             best[moving[better]], least[moving[better]] = rows[better], squares[better]
             moving = moving[~better | much]
-            if not moving.size:
-                break
         return best
 
     def _rows(self, entries: np.ndarray, nuisances: np.ndarray) -> np.ndarray:

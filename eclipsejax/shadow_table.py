@@ -6,8 +6,8 @@ umbra's edge does. So the table runs uniformly in
 
     t = (offset - edge(D)) / SPACING + asinh((offset - edge(D) - STEEPEST) / WIDTH)
 
-at the nearest and farthest distance of the lunar surface; its entries are logs of irradiance already weighted with the
-camera's responses. Between entries: cubic in t, linear in D.
+at the nearest and farthest distance of the lunar surface, or at one between; its entries are logs of irradiance already
+weighted with the camera's responses. Between entries: cubic in t, linear in D.
 """
 
 from typing import NamedTuple
@@ -71,7 +71,7 @@ class TableGrid(eqx.Module):
         position = jnp.clip((t - self.start) / self.step, 1.0, self.count - 2.0)
         return Places(position, (distance - near) / (far - near), angle)
 
-    def filled(self, light: Float[Array, "offset 2 channel"]) -> "ShadowTable":
+    def filled(self, light: Float[Array, "offset side channel"]) -> "ShadowTable":
         """The table with these channel values."""
         return ShadowTable(self, jnp.log(jnp.maximum(light, FAINTEST)))
 
@@ -88,8 +88,9 @@ class ShadowTable(eqx.Module):
     """Light in the Earth's shadow in some channels."""
 
     grid: TableGrid
-    log_light: Float[Array, "offset 2 channel"]
-    """Log of channel values, with those of full sunlight as unit."""
+    log_light: Float[Array, "offset side channel"]
+    """Log of channel values, with those of full sunlight as unit, at the nearest and the farthest distance, or at one
+    between that serves for both."""
 
     def __call__(self, offset: Float[Array, "..."], distance: Float[Array, "..."]) -> Float[Array, "... channel"]:
         """Channel values at angles from the axis [rad] and distances from the Earth's centre [m]."""
@@ -116,8 +117,8 @@ class ShadowTable(eqx.Module):
             return jnp.where(torn, entries[1] + jnp.clip(x, 0.0, 1.0) * (entries[2] - entries[1]), cubic)
 
         def channel(table):
-            near, far = (along([table[row + first + k, side] for k in range(4)]) for side in (0, 1))
-            return near + fraction * (far - near)
+            near, *far = (along([table[row + first + k, side] for k in range(4)]) for side in range(table.shape[1]))
+            return near + fraction * (far[0] - near) if far else near
 
         # One entry after the other, not in blocks: the compiler then makes one loop over the pixels, without copies.
         return jnp.stack([channel(self.log_light[..., i]) for i in range(self.log_light.shape[-1])], axis=-1)
@@ -187,7 +188,7 @@ class Tabulator(eqx.Module):
         if self.scatterers is not None:
             light += ring_glow(atmosphere, *self.glowing())
         light = light @ self.weights  # (distance, offset, channel)
-        return self.grid.filled(jnp.broadcast_to(jnp.moveaxis(light, 0, 1), (self.grid.count, 2, light.shape[-1])))
+        return self.grid.filled(jnp.moveaxis(light, 0, 1))
 
     def glowing(self):
         """Arguments of `scattered.ring_arcs`, but for the atmosphere, for the entries: (distance, offset)."""

@@ -15,9 +15,8 @@ from inverse.gaussian import Gaussian
 from inverse.mixture import about, fitted, tempered
 
 LARGEST_K = 0.7
-DRAWS = 2000  # about Laplace's Gaussian
-MORE, ROUNDS = 1000, 8  # of each mixture, and how many of them at most
-ENOUGH = 2000.0  # effective draws at which this ends: fewer may not have been everywhere
+DRAWS, ROUNDS = 1000, 10  # of a proposal, and how many of those at most
+ENOUGH = 1500.0  # effective draws at which this ends: fewer may not have been everywhere
 ALIKE = 0.98  # effective share of draws above which weights are as good as equal
 
 
@@ -60,21 +59,20 @@ def importance(
     - `report`: called with the number of rounds done and that of all.
     """
     random = np.random.default_rng(seed)
-    proposals, counts = [about(gaussians)], [DRAWS]
+    proposals = [about(gaussians)]
     z = proposals[0].draw(DRAWS, random)
     value = density(z)
     while True:
         done = len(proposals)
-        report(done, ROUNDS + 1)
+        report(done, ROUNDS)
         each = np.array([proposal.log_density(z) for proposal in proposals])
-        log_ratio = value - logsumexp(each, axis=0, b=np.array(counts)[:, None] / len(z))
+        log_ratio = value - logsumexp(each, axis=0, b=1.0 / done)
         weight, k_hat = _weights(log_ratio)
         found = _resampled(z, value, weight, k_hat, random)
-        if done > ROUNDS or not np.isfinite(k_hat) or (found.trusted and found.effective_samples > ENOUGH):
+        if done == ROUNDS or not np.isfinite(k_hat) or (found.trusted and found.effective_samples > ENOUGH):
             return found
         proposals.append(fitted(z, tempered(log_ratio), gaussians, random))
-        counts.append(MORE)
-        fresh = proposals[-1].draw(MORE, random)
+        fresh = proposals[-1].draw(DRAWS, random)
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
 
 

@@ -36,12 +36,12 @@ class Shadow(eqx.Module):
     def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
         return self.table(log_light(limb, self))
 
-    def table(self, log_light: Float[Array, "offset 2 channel"]) -> ShadowTable:
+    def table(self, log_light: Float[Array, "offset 1 channel"]) -> ShadowTable:
         """The table with these entries."""
         return ShadowTable(self.tabulator.grid, log_light)
 
 
-def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, "offset 2 channel"]:
+def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, "offset 1 channel"]:
     """Log of the light in the camera's channels at the table's entries, for parameters z of the limb."""
     value = prior.values(prior.ATMOSPHERE, limb)
     levels = _dust_scale(scattered_light()[0])
@@ -81,7 +81,7 @@ def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTabl
 
 @eqx.filter_jit
 def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
-    """Entries of the table (offset, 2, channel) and their derivatives (parameter, offset, 2, channel)."""
+    """Entries of the table (offset, 1, channel) and their derivatives (parameter, offset, 1, channel)."""
     return slopes(lambda limb: log_light(limb, shadow), list(limb))
 
 

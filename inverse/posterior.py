@@ -152,7 +152,7 @@ def _squares(rows: np.ndarray) -> np.ndarray:
 @eqx.filter_jit
 def _misfits(
     model, observed: Observed, shadow: Shadow, seen, centre: Float[Array, " nuisance"],
-    entries: Float[Array, "draw offset 2 channel"], nuisances: Float[Array, "draw nuisance"],
+    entries: Float[Array, "draw offset 1 channel"], nuisances: Float[Array, "draw nuisance"],
 ) -> Float[Array, "draw datum"]:  # fmt: skip
     """Misfits of one photograph for many tables of the shadow, given by their entries, each with its nuisances.
 
@@ -170,5 +170,5 @@ def _misfits(
 
 @eqx.filter_jit
 def _entries(shadow: Shadow, limb: Float[Array, "draw parameter"]):
-    """Entries of the shadow's tables (draw, offset, 2, channel)."""
+    """Entries of the shadow's tables (draw, offset, 1, channel)."""
     return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=TOGETHER)

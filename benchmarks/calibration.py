@@ -13,7 +13,6 @@ import argparse
 import json
 import multiprocessing
 import os
-import time
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -32,6 +31,7 @@ QUANTITIES = (
 )  # fmt: skip
 DEPTHS = {"0.01": (0.005, 0.02), "0.1": (0.05, 0.2)}  # optical depths whose errors are told
 OUT = Path("out/calibration")
+NOTHING: Mapping[str, Any] = {}
 
 
 def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any]) -> dict:
@@ -41,47 +41,59 @@ def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any
     from inverse.fit import fit_atmosphere
 
     drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number, Wrong(**wrong))
-    started = time.perf_counter()
     fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number)
-    told, registration = fit.diagnostics, fit.photos[0].registration
+    registration = fit.photos[0].registration
     assert registration is not None
+    right, up, roll = (fit.estimates[f"1.pointing.{name}"].map for name in ("right", "up", "roll"))
+    row, column, radius = registration.row, registration.column, registration.radius
     turn = (registration.roll - drawn.roll + np.pi) % (2.0 * np.pi) - np.pi
+    return row_of(number, fit, drawn.limb) | {
+        "centre_error_px": float(np.hypot(row - drawn.row, column - drawn.column)),
+        "fitted_centre_error_px": float(
+            np.hypot(row - radius * up - drawn.row, column + radius * right - drawn.column)
+        ),
+        "radius_error": radius / drawn.radius - 1.0,
+        "roll_error_deg": float(np.degrees(turn)),
+        "fitted_roll_error_deg": float(np.degrees(turn + roll)),
+        "clock_error_s": fit.estimates["1.clock"].map - drawn.nuisance["clock"],
+    }
+
+
+def row_of(number: int, fit, truth: Mapping[str, float]) -> dict:
+    """What is kept of any fit of a limb that is known."""
+    told = fit.diagnostics
     return {
         "number": number,
-        "truth": drawn.limb,
-        "rank": {name: float(np.mean(fit.draws[name] < truth)) for name, truth in drawn.limb.items()},
-        "median": {name: fit.estimates[name].median for name in drawn.limb},
-        "sd": {name: float(np.std(fit.draws[name])) for name in drawn.limb},
+        "truth": dict(truth),
+        "rank": {name: float(np.mean(fit.draws[name] < value)) for name, value in truth.items()},
+        "median": {name: fit.estimates[name].median for name in truth},
+        "sd": {name: float(np.std(fit.draws[name])) for name in truth},
         "method": told["method"],
         "converged": told["converged"],
         "k_hat": (told["psis"] or {}).get("k_hat"),
         "p": told["misfit_checks"][0]["p"],
-        "centre_error_px": float(np.hypot(registration.row - drawn.row, registration.column - drawn.column)),
-        "radius_error": registration.radius / drawn.radius - 1.0,
-        "roll_error_deg": float(np.degrees(turn)),
-        "clock_error_s": fit.estimates["1.clock"].map - drawn.nuisance["clock"],
-        "seconds": time.perf_counter() - started,
+        "seconds": told["seconds"],
     }
 
 
 def run(
-    count: int, draws: int | None, workers: int, folder: Path, wrong: Mapping[str, Any] | None = None
+    count: int, draws: int | None, workers: int, folder: Path, how: Mapping[str, Any] = NOTHING, fitted=fitted
 ) -> list[dict]:
     """Rows of the first `count` photographs, kept ones and new.
 
-    - `wrong`: with them, as `drawn_photograph.Wrong` takes it.
+    - `how`: they are drawn; of `fitted`, what is wrong with them, as `drawn_photograph.Wrong` takes it.
+    - `fitted`: makes a row of (number, `draws`, `folder`, `how`) in a process of its own.
     """
     session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
-    wrong = wrong or {}
     from inverse.archive.rows import program, read_row, write_row
     from inverse.chain import digest
 
     (folder / "rows").mkdir(parents=True, exist_ok=True)
-    keys = [digest([program(), SEED, draws, number, *wrong.items()]) for number in range(count)]
+    keys = [digest([program(), SEED, draws, number, *how.items()]) for number in range(count)]
     rows = {number: row for number, key in enumerate(keys) if (row := read_row(folder, key)) is not None}
     left = [number for number in range(count) if number not in rows]
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        tasks = {pool.submit(fitted, number, draws, folder, wrong): number for number in left}
+        tasks = {pool.submit(fitted, number, draws, folder, how): number for number in left}
         for task in as_completed(tasks):
             number = tasks[task]
             try:
@@ -117,7 +129,8 @@ def summary(rows: list[dict]) -> dict:
     found["optical depth"] = {about: accuracy(fits, *ends) for about, ends in DEPTHS.items()}
     methods = [row["method"] for row in fits]
     found["methods"] = {method: methods.count(method) for method in sorted(set(methods))}
-    for name in ("centre_error_px", "radius_error", "roll_error_deg", "clock_error_s", "seconds"):
+    for name in ("centre_error_px", "fitted_centre_error_px", "radius_error", "roll_error_deg",
+                 "fitted_roll_error_deg", "clock_error_s", "seconds"):  # fmt: skip
         values = np.abs([row[name] for row in fits])
         found[name] = {"median": float(np.median(values)), "95 %": float(np.quantile(values, 0.95))}
     return found

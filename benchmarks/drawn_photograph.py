@@ -94,6 +94,7 @@ class Drawn:
     - `utc`, `site`: what its photographer says; the clock is wrong by the nuisance `clock`.
     - `limb`: by name, the quantities of `prior.ATMOSPHERE`; `nuisance`: those of `prior.PHOTOGRAPH` and `prior.TONE`.
     - `roll`, `row`, `column`, `radius`: of the disc in the picture [rad, pixel].
+    - `sensitivity`: what the sensor recorded, 1 where it is full, by the light of the full Moon's disc.
     """
 
     path: Path
@@ -105,18 +106,36 @@ class Drawn:
     row: float
     column: float
     radius: float
+    sensitivity: float
 
 
 def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
     """Draw photograph `number` of a seed and write it, a JPEG."""
     random = np.random.default_rng([seed, number])
     z = random.standard_normal(len(prior.ATMOSPHERE))
-    limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
-    parameters = prior.PHOTOGRAPH + prior.TONE
-    nuisance = {p.name: float(p.value(random.standard_normal())) for p in parameters}
+    nuisance = drawn_nuisance(random)
     if wrong.clock is not None:
         nuisance["clock"] = wrong.clock
     stated, site = _instant(random)
+    light, truth = recorded(random, path, stated, site, z, nuisance, wrong)
+    encoded = _encoded(light, nuisance, wrong)
+    Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
+    return truth
+
+
+def drawn_nuisance(random) -> dict[str, float]:
+    """Of one photograph, by name."""
+    return {p.name: float(p.value(random.standard_normal())) for p in prior.PHOTOGRAPH + prior.TONE}
+
+
+def recorded(
+    random, path: Path, stated: Geometry, site, z: np.ndarray, nuisance: dict[str, float], wrong: Wrong = Wrong()
+) -> tuple[np.ndarray, Drawn]:
+    """What a sensor records (row, column, 3), 1 where it is full, and the truth about it.
+
+    - `stated`: the scene at the time that the photographer says; `z`: of the limb (parameter,).
+    """
+    limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
     where = stated.after(nuisance["clock"])
     roll, radius = random.uniform(0.0, 2.0 * np.pi), random.uniform(*RADIUS)
     row, column = (side / 2 + random.uniform(-30, 30) for side in SHAPE)
@@ -126,19 +145,21 @@ def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
     light = _light(scene, wrong.limb(prior.atmosphere(jnp.asarray(z))), limb["scattered.amplitude"])
     right, up = _positions(row, column, radius)
     light = light * np.exp(_errors(random, right, up, np.asarray(_offsets(scene))))
-    encoded = _developed(random, wrong.light(light, radius), nuisance, right, up, radius, wrong)
-    Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
-    return Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius)
+    light = _exposed(wrong.light(light, radius), nuisance, np.hypot(right, up) < 0.95, radius)
+    sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[np.hypot(right, up) < 0.95].max(axis=-1), 99.5)
+    electrons = FULL_WELL * np.maximum(light * sensitivity, 0.0)
+    light = (random.poisson(electrons) + READ_NOISE * random.standard_normal(light.shape)) / FULL_WELL
+    return light, Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius, sensitivity)
 
 
 @cache
-def _total_eclipses() -> tuple[Eclipse, ...]:
+def total_eclipses() -> tuple[Eclipse, ...]:
     return tuple(one for one in eclipses(FIRST, LAST) if one.kind == "total")
 
 
 def _instant(random) -> tuple[Geometry, tuple[float, float]]:
     """A time in a totality, and a site with the Moon well above its horizon."""
-    known = _total_eclipses()
+    known = total_eclipses()
     while True:
         eclipse = known[random.integers(len(known))]
         begin, end = (np.datetime64(eclipse.contacts[name].rstrip("Z"), "s") for name in ("U2", "U3"))
@@ -201,9 +222,8 @@ def _errors(random, right, up, offset) -> np.ndarray:
     return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]] / SURVIVING
 
 
-def _developed(random, light, nuisance, right, up, radius, wrong: Wrong) -> np.ndarray:
-    """What a camera makes of light (row, column, 3): pixel values in [0, 1]."""
-    on_disc = np.hypot(right, up) < 0.95
+def _exposed(light, nuisance, on_disc, radius: float) -> np.ndarray:
+    """Light (row, column, 3) after optics, sky and white balance."""
     veil = nuisance["camera.veil"] * np.exp(np.mean(np.log(light.mean(axis=-1)[on_disc])))
     apart = np.square(np.indices((2 * SHAPE[0] - 1, 2 * SHAPE[1] - 1)) - np.array(SHAPE)[:, None, None] + 1).sum(axis=0)
     width, core = GLARE_SCALE * radius, BLUR / 2.355
@@ -212,10 +232,11 @@ def _developed(random, light, nuisance, right, up, radius, wrong: Wrong) -> np.n
     spread = (1.0 - nuisance["camera.glare"]) * sharp + nuisance["camera.glare"] * wings
     light = np.stack([fftconvolve(light[..., channel], spread, mode="same") for channel in range(3)], axis=-1) + veil
     balance = [nuisance[f"white_balance.{name}"] + nuisance[f"tint.{name}"] for name in ("red", "blue")]
-    light = light * np.exp([balance[0], 0.0, balance[1]])
-    light *= random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)
-    electrons = FULL_WELL * np.maximum(light, 0.0)
-    light = (random.poisson(electrons) + READ_NOISE * random.standard_normal(light.shape)) / FULL_WELL
+    return light * np.exp([balance[0], 0.0, balance[1]])
+
+
+def _encoded(light, nuisance, wrong: Wrong) -> np.ndarray:
+    """What a camera makes of what its sensor recorded (row, column, 3): pixel values in [0, 1]."""
     own = np.zeros((3, 3))
     for row, to in enumerate(COLOURS):
         for column, source in enumerate(COLOURS):

@@ -43,8 +43,8 @@ def ray_sums(profile, breaks, tangent_height: Float[Array, " ray"], crossed, ord
     """(Impact parameter less `EARTH_RADIUS` and tangent height [m], bending angle [rad], columns) of many rays.
 
     - `profile`, `breaks`, `order`: as `grazing_ray` takes them.
-    - `crossed`: numbers of rays, ascending, and of the panels each crosses, as NumPy's arrays (pair,); a panel wholly
-      below its ray adds nothing.
+    - `crossed`: numbers of rays, ascending, and of the panels each crosses, as NumPy's arrays (pair,); a panel that
+      lies below its ray adds nothing.
     """
     node, weight = gauss_legendre(order)
 
@@ -83,29 +83,28 @@ def ray_sums(profile, breaks, tangent_height: Float[Array, " ray"], crossed, ord
     # their square roots must not be differentiated.
     turns = lowest >= breaks[panel]
     y0, y1 = jnp.where(turns, 0.0, breaks[panel] - lowest), jnp.maximum(breaks[panel + 1] - lowest, 0.0)
-    n0, n1 = jnp.where(turns, n1_lowest, n1_break[panel]), n1_break[panel + 1]
-    x0, x1 = jnp.where(turns, 0.0, excess(y0, n0)), jnp.where(y1 > 0.0, excess(y1, n1), 0.0)
-    steep0 = excess_slope(y0, n0, jnp.where(turns, slope_grazed[ray], slope_lower[panel]))
-    steep1 = excess_slope(y1, n1, slope_upper[panel])
+    n1_first, n1_last = jnp.where(turns, n1_lowest, n1_break[panel]), n1_break[panel + 1]
+    x0, x1 = jnp.where(turns, 0.0, excess(y0, n1_first)), jnp.where(y1 > 0.0, excess(y1, n1_last), 0.0)
+    steep0 = excess_slope(y0, n1_first, jnp.where(turns, slope_grazed[ray], slope_lower[panel]))
+    steep1 = excess_slope(y1, n1_last, slope_upper[panel])
     s0, s1 = safe_sqrt(x0), safe_sqrt(x1)
 
-    # The variable of the integral is s, and the altitude a polynomial of s^2 that makes x - a nearly that; the
-    # integrand knows how nearly.
-    s, wide = s0 + (s1 - s0) * node, x1 > x0
+    # The variable of the integral is s, and the altitude a polynomial of s^2 that makes x - a nearly that: how nearly,
+    # the integrand knows (`share`). To seek the altitude that makes it so would take two more profiles a node.
+    s = s0 + (s1 - s0) * node
     height, rise = _hermite(s**2, x0, x1, y0, y1, steep0, steep1)
     n1, slope, absorbers = refraction(lowest + height)
     x = excess(height, n1)
     # Near the lowest point, within 4 mm (80 m in single precision), the polynomial is better than what rounding leaves
     # of x - a.
     rounding = jnp.finfo(s.dtype).eps * (EARTH_RADIUS + lowest) * n1_lowest
-    known = s**4 > 1e4 * rounding * (x1 - x0)
-    share = jnp.where(wide & known, x, 1.0) / jnp.where(wide & known, s**2, 1.0)
-    share = jnp.maximum(share, LEAST_SHARE)
+    known = (x1 > x0) & (s**4 > 1e4 * rounding * (x1 - x0))
+    share = jnp.maximum(jnp.where(known, x, 1.0) / jnp.where(known, s**2, 1.0), LEAST_SHARE)
     common = 4.0 * (s1 - s0) * weight * rise / jnp.sqrt(share * (2.0 * impact[ray] + x))
     path = common * (EARTH_RADIUS + lowest + height) * (1.0 + n1)
     parts = jnp.sum(common * slope / (1.0 + n1), axis=1), jnp.einsum("pn,pnc->pc", path, absorbers)
-    sums = (jax.ops.segment_sum(part, crossed[0], tangent_height.size, indices_are_sorted=True) for part in parts)
-    bends, columns = sums
+    whole = lambda part: jax.ops.segment_sum(part, crossed[0], tangent_height.size, indices_are_sorted=True)
+    bends, columns = map(whole, parts)
     return lift, -impact * bends, columns
 
 

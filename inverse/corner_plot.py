@@ -49,6 +49,7 @@ WORDS = {
     "clouds.width": Words("width of tops", "km", 1e-3),
     "haze.optical_depth": Words("haze depth"),
     "ozone.column_du": Words("ozone", "DU"),
+    "scattered.amplitude": Words("scattered light", logarithm=True),
 }
 
 

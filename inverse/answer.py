@@ -85,7 +85,8 @@ def answer(
 
     Importance sampling, from Laplace's Gaussian on (`inverse.importance`), where k-hat comes below 0.7: of a posterior
     that is one-sided, beside zero dust, its proposals know the prior's side as well. Then ensembles on a surrogate
-    (`inverse.surrogate`); and on the posterior itself where the surrogate fails, or draws were asked for.
+    (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
+    several, where the surrogate fails, or draws were asked for.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
@@ -105,22 +106,20 @@ def _drawn(
     density: LimbPosterior, optimum: Optimum, draws: int | None, seed: int, before, keep, progress
 ) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
-    weighed = None
-    centre, covariance = optimum.z[:LIMB], optimum.covariance[:LIMB, :LIMB]
+    weighed, bells = None, [end.limb for end in (optimum, *optimum.rivals)]
     if draws is None:
-        bells = [end.limb for end in (optimum, *optimum.rivals)]
         weighed = importance(density, bells, seed=seed, report=lambda done, most: progress("weighing", done, most))
         if before is None and weighed.trusted:
             return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
-        if before is None:
+        if before is None and not optimum.rivals:
             found = interpolated(
-                density, centre, covariance, seed=seed, report=lambda done, most: progress("interpolating", done, most)
+                density, optimum.limb, seed=seed, report=lambda done, most: progress("interpolating", done, most)
             )
             if found.trusted:
                 z, value = found.weighed.z[None], found.weighed.log_posterior[None]
                 return Answer("emcee+psis", z, value, found.weighed, found.chain, found.diagnosis)
     chain = sample(
-        density, centre, covariance, draws=draws or MOST_DRAWS, seed=seed, chain=before, keep=keep,
+        density, bells, draws=draws or MOST_DRAWS, seed=seed, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),
     )  # fmt: skip
     diagnosis = diagnose(chain.z)

@@ -1,6 +1,6 @@
 """Sampling with independent ensembles of walkers until what they say can be believed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import emcee
 import numpy as np
@@ -32,8 +32,7 @@ def settings() -> dict:
 
 def sample(
     density: Density,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    gaussians: Sequence[Gaussian],
     *,
     draws: int,
     seed: int,
@@ -43,25 +42,24 @@ def sample(
 ) -> Chain:
     """Sample until every criterion of `diagnostics.diagnose` is met; now and then they are looked at.
 
-    The chain depends on the density, the Gaussian and the seed alone: not on `draws`, which only ends it, nor on
+    The chain depends on the density, the Gaussians and the seed alone: not on `draws`, which only ends it, nor on
     whether it was interrupted.
 
     - `density`: log densities (draw,) of points (draw, parameter).
-    - `centre`, `covariance`: of the Gaussian that the walkers start from.
+    - `gaussians`: that the walkers start from, one for each peak. No walker crosses the valley between two of them by
+      small steps, but one leaps it by the difference of two others that stand on either side.
     - `draws`: of all walkers together, at most, burn-in included.
     - `chain`: to go on with.
     - `keep`: called with the chain so far, now and then, for storing it.
     - `report`: called with steps done and steps at most.
     """
-    most = -(-draws // (ENSEMBLES * WALKERS))
+    most, size = -(-draws // (ENSEMBLES * WALKERS)), len(gaussians[0].centre)
     moves = [(move(**options), weight) for move, options, weight in MOVES]
-    samplers = [
-        emcee.EnsembleSampler(WALKERS, len(centre), density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)
-    ]
+    samplers = [emcee.EnsembleSampler(WALKERS, size, density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)]
     if chain is None:
         seeds = np.random.SeedSequence(seed).generate_state(ENSEMBLES)
-        states = [_start(density, centre, covariance, np.random.RandomState(int(one))) for one in seeds]
-        nothing = np.zeros((ENSEMBLES, 0, WALKERS, len(centre)))
+        states = [_start(density, gaussians, np.random.RandomState(int(one))) for one in seeds]
+        nothing = np.zeros((ENSEMBLES, 0, WALKERS, size))
         chain = Chain(nothing, nothing[..., 0], np.zeros(ENSEMBLES), tuple(state.random_state for state in states))
     else:
         parts = zip(chain.z[:, -1], chain.log_posterior[:, -1], chain.random, strict=True)
@@ -89,16 +87,17 @@ def _finished(chain: Chain) -> bool:
     return check == chain.steps and long_enough(chain.z) and diagnose(chain.z).converged
 
 
-def _start(density: Density, centre, covariance, random: np.random.RandomState) -> emcee.State:
-    """Walkers drawn from a Gaussian, but for points that the density itself all but rules out.
+def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.RandomState) -> emcee.State:
+    """Walkers drawn from Gaussians, from each as many, but for points that the density itself all but rules out.
 
     Along a thin curved ridge most of Laplace's draws lie far beside it: a posterior of eight parameters held walkers
     there for 500 steps, 20 below the best in log density.
     """
-    size, gaussian = len(centre), Gaussian.about(centre, covariance)
+    size = len(gaussians[0].centre)
     z, value, depth = np.zeros((0, size)), np.zeros(0), np.zeros(0)
     for _ in range(START_ROUNDS):
-        fresh = gaussian.at(random.standard_normal((WALKERS, size)))
+        normal = random.standard_normal((WALKERS, size))
+        fresh = np.array([gaussians[i % len(gaussians)].at(one[None])[0] for i, one in enumerate(normal)])
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
         with np.errstate(invalid="ignore"):
             depth = np.where(np.isfinite(value), value.max() - value, np.inf)

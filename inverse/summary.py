@@ -202,7 +202,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
             f"The posterior was not a finite number at {lost} of the {diagnostics['evaluated']} points where it was "
             "asked for, and was taken as zero there: the intervals leave out whatever lies there."
         )
-    if (others := diagnostics["other_ends"]) and diagnostics["method"] != "laplace+psis":
+    if (others := diagnostics["other_ends"]) and diagnostics["method"] == "laplace":
         mass = sum(end["mass"] for end in others)
         sentences.append(
             f"The posterior has another peak, with some {mass / (1.0 + mass):.0%} of its probability, which was left "

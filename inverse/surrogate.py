@@ -98,15 +98,17 @@ class Interpolated:
 
 def interpolated(
     posterior: LimbPosterior,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    gaussian: Gaussian,
     *,
     seed: int,
     report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Interpolated:
-    """Sample a posterior through a surrogate, refined where its chain goes, until the weights can be trusted."""
-    random, gaussian = np.random.default_rng(seed), Gaussian.about(centre, covariance)
-    z = gaussian.at(STRETCH * random.standard_normal((FIRST, len(centre))))
+    """Sample a posterior through a surrogate, refined where its chain goes, until the weights can be trusted.
+
+    - `gaussian`: Laplace's.
+    """
+    random, size = np.random.default_rng(seed), len(gaussian.centre)
+    z = gaussian.at(STRETCH * random.standard_normal((FIRST, size)))
     misfits = posterior.misfits(z)
     found, points = None, len(z)
     long = False
@@ -114,9 +116,9 @@ def interpolated(
         known = np.isfinite(misfits).all(axis=1)
         fast = surrogate(z[known], misfits[known], gaussian)
         long = long or number == ROUNDS
-        chain = sample(fast, centre, covariance, draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
+        chain = sample(fast, [gaussian], draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
         diagnosis = diagnose(chain.z)
-        drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, len(centre)))[:WEIGHED]
+        drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, size))[:WEIGHED]
         fresh = posterior.misfits(drawn)
         points += len(drawn)
         exact = log_density(drawn, np.sum(fresh**2, axis=1))

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from inverse.gaussian import Gaussian
+
 SIZE = 3
 CENTRE, START = np.zeros(SIZE), 0.5 * np.eye(SIZE)
 IDENTITY = {"photographs": ["a"], "seed": 5}
@@ -39,7 +41,7 @@ def sample_to_file(path: Path, draws: int, chain=None):
     from inverse.ensemble import sample
 
     return sample(
-        gaussian(correlated(SIZE)), CENTRE, START, draws=draws, seed=5, chain=chain,
+        gaussian(correlated(SIZE)), [Gaussian.about(CENTRE, START)], draws=draws, seed=5, chain=chain,
         keep=lambda chain: Record(IDENTITY, {"z": CENTRE, "inflation": 1.0}, chain).write(path),
     )  # fmt: skip
 

@@ -8,7 +8,13 @@ from eclipsejax.errors import InputError
 from inverse import ensemble
 from inverse.diagnostics import diagnose
 from inverse.ensemble import ENSEMBLES, WALKERS, sample
+from inverse.gaussian import Gaussian
 from tests.targets import banana, gaussian, half_normal
+
+
+def normal(size, variance=1.0):
+    """Where walkers start."""
+    return Gaussian.about(np.zeros(size), variance * np.eye(size))
 
 
 def variance_ratio(size, seeds):
@@ -19,7 +25,7 @@ def variance_ratio(size, seeds):
     """
     ratios = []
     for seed in seeds:
-        chain = sample(gaussian(np.eye(size)), np.zeros(size), 0.5 * np.eye(size), draws=400_000, seed=seed)
+        chain = sample(gaussian(np.eye(size)), [normal(size, 0.5)], draws=400_000, seed=seed)
         diagnosis = diagnose(chain.z)
         assert diagnosis.converged
         z = chain.z[:, diagnosis.burn_in :].reshape(-1, size)
@@ -41,7 +47,7 @@ def test_the_snooker_move_would_be_caught(monkeypatch):
 
 
 def test_quantiles_of_a_banana_are_right():
-    chain = sample(banana, np.zeros(2), np.diag([0.3, 0.3]), draws=400_000, seed=2)
+    chain = sample(banana, [normal(2, 0.3)], draws=400_000, seed=2)
     diagnosis = diagnose(chain.z)
     assert diagnosis.converged
     z = chain.z[:, diagnosis.burn_in :].reshape(-1, 2)
@@ -54,35 +60,51 @@ def test_quantiles_of_a_banana_are_right():
         assert np.mean(z[:, 1] < np.quantile(second, level)) == pytest.approx(level, abs=0.03)
 
 
+def test_walkers_leap_between_peaks_that_they_start_from():
+    # A third of the probability 10 standard deviations off: walkers from the higher peak alone hardly ever see it.
+    far = np.full(3, 3.0)
+
+    def density(z):
+        near = -0.5 * np.sum(z**2, axis=1) / 0.25
+        return np.logaddexp(near, np.log(0.5) - 0.5 * np.sum((z - far) ** 2, axis=1) / 0.25)
+
+    starts = [Gaussian.about(centre, 0.25 * np.eye(3)) for centre in (np.zeros(3), far)]
+    shares = []
+    for some in (starts[:1], starts):
+        chain = sample(density, some, draws=64 * 3000, seed=0)
+        shares.append(np.mean(chain.z[:, 300:, :, 0] > 1.5))
+    assert shares[0] < 0.02 and shares[1] == pytest.approx(1.0 / 3.0, abs=0.04)
+
+
 def test_a_density_that_is_zero_somewhere_is_survived():
     # Half of Laplace's Gaussian lies where there is nothing: the walkers start where there is something.
-    chain = sample(half_normal, np.zeros(2), np.eye(2), draws=64 * 1000, seed=0)
+    chain = sample(half_normal, [normal(2)], draws=64 * 1000, seed=0)
     assert np.all(chain.z[..., 0] > 0) and np.all(np.isfinite(chain.log_posterior))
     assert np.mean(chain.z[..., 0]) == pytest.approx(np.sqrt(2 / np.pi), abs=0.03)
 
 
 def test_a_density_that_is_zero_everywhere_is_an_error_and_no_endless_search():
     with pytest.raises(InputError, match="no finite number"):
-        sample(lambda z: np.full(len(z), -np.inf), np.zeros(2), np.eye(2), draws=640, seed=0)
+        sample(lambda z: np.full(len(z), -np.inf), [normal(2)], draws=640, seed=0)
 
 
 def test_a_seed_reproduces_the_chain_and_the_ensembles_differ():
-    one, two, other = (sample(banana, np.zeros(2), np.eye(2), draws=64 * 30, seed=seed).z for seed in (7, 7, 8))
+    one, two, other = (sample(banana, [normal(2)], draws=64 * 30, seed=seed).z for seed in (7, 7, 8))
     assert np.array_equal(one, two) and not np.array_equal(one, other)
     assert one.shape == (ENSEMBLES, 30, WALKERS, 2) and not np.array_equal(one[0], one[1])
 
 
 def test_draws_only_end_the_chain():
-    short, long = (sample(banana, np.zeros(2), np.eye(2), draws=64 * steps, seed=7) for steps in (13, 40))
+    short, long = (sample(banana, [normal(2)], draws=64 * steps, seed=7) for steps in (13, 40))
     assert short.steps == 13 and np.array_equal(short.z, long.z[:, :13])
     assert not diagnose(short.z).converged
     # And it goes on from there, in blocks that begin at other steps.
-    longer = sample(banana, np.zeros(2), np.eye(2), draws=64 * 40, seed=99, chain=short)
+    longer = sample(banana, [normal(2)], draws=64 * 40, seed=99, chain=short)
     assert np.array_equal(longer.z, long.z) and np.array_equal(longer.log_posterior, long.log_posterior)
     assert np.array_equal(longer.accepted, long.accepted)
 
 
 def test_a_finished_chain_is_left_as_it_is():
-    chain = sample(gaussian(np.eye(2)), np.zeros(2), np.eye(2), draws=400_000, seed=1)
+    chain = sample(gaussian(np.eye(2)), [normal(2)], draws=400_000, seed=1)
     assert diagnose(chain.z).converged
-    assert sample(gaussian(np.eye(2)), np.zeros(2), np.eye(2), draws=400_000, seed=1, chain=chain) is chain
+    assert sample(gaussian(np.eye(2)), [normal(2)], draws=400_000, seed=1, chain=chain) is chain

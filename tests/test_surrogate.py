@@ -61,7 +61,7 @@ def weighted_moments(posterior, random):
 def test_moments_are_those_of_the_posterior(bend):
     posterior = Bent(bend)
     mean, sd = weighted_moments(posterior, np.random.default_rng(1))
-    found = interpolated(posterior, *posterior.laplace(), seed=3)
+    found = interpolated(posterior, Gaussian.about(*posterior.laplace()), seed=3)
     assert found.trusted and found.weighed.effective_samples > LEAST_SAMPLES
     np.testing.assert_allclose((found.weighed.z.mean(axis=0) - mean) / sd, 0.0, atol=0.15)
     np.testing.assert_allclose(found.weighed.z.std(axis=0) / sd, 1.0, atol=0.1)
@@ -96,7 +96,7 @@ def test_where_there_are_no_numbers_there_are_no_draws(monkeypatch):
 
     monkeypatch.setattr(module, "ROUNDS", 1)
     posterior = Holed()
-    found = interpolated(posterior, *Bent(0.0).laplace(), seed=3)
+    found = interpolated(posterior, Gaussian.about(*Bent(0.0).laplace()), seed=3)
     assert found.weighed.z[:, 1].max() <= posterior.wall
     assert found.weighed.z[:, 0].std() > 0.5  # of the rest there are
 
@@ -114,4 +114,4 @@ def test_a_surrogate_that_fails_is_not_trusted(monkeypatch):
 
     monkeypatch.setattr(module, "ROUNDS", 1)
     posterior = Torn(0.0)
-    assert not interpolated(posterior, *Bent(0.0).laplace(), seed=3).trusted
+    assert not interpolated(posterior, Gaussian.about(*Bent(0.0).laplace()), seed=3).trusted

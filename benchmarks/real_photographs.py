@@ -24,7 +24,7 @@ from inverse.catalogue import catalogue, photograph
 OUT = Path("out/real_photographs")
 KEPT = (
     "kind", "status", "error", "eclipse", "utc", "source", "disc", "photographs", "informed", "residual_rms",
-    "smooth_error", "method", "warnings_text", "seconds", "version", "licence", "credit",
+    "smooth_error", "method", "seconds", "version", "licence", "credit",
 )  # fmt: skip
 DEPTH = "stratospheric_optical_depth"
 
@@ -51,19 +51,23 @@ def gathered(folder: Path) -> tuple[Path, dict[str, str]]:
 
 
 def kept(row: dict[str, Any]) -> dict[str, Any]:
-    """What of a row is worth keeping."""
-    return {name: value for name, value in row.items() if name in KEPT or name.startswith(DEPTH)}
+    """What of a row is worth keeping, and whether the model explains all that was fitted."""
+    explained = "cannot explain" not in (row.get("warnings_text") or "")
+    return {name: value for name, value in row.items() if name in KEPT or name.startswith(DEPTH)} | {
+        "explained": explained
+    }
 
 
 def line(row: dict[str, Any]) -> str:
     """A row to read."""
-    name = f"{row['eclipse']} {Path(row['source'] or '').name or 'all together'}{row['disc'] or ''}"
+    name = f"{row['eclipse']} {Path(row.get('source') or '').name or 'all together'} {row.get('disc') or ''}"
     if row["status"] == "failed":
         return f"{name:<44}{row['error']}"
     depth = [row[f"{DEPTH}_{end}"] for end in ("median", "ci95_low", "ci95_high")]
     return (
         f"{name:<44}{depth[0]:.4f} ({depth[1]:.4f}-{depth[2]:.4f}), residual {row['residual_rms']:.0%}, "
         f"{row['seconds']:.0f} s{'' if row['status'] == 'ok' else ', ' + row['status']}"
+        f"{'' if row['explained'] else ', not explained'}"
     )
 
 
@@ -78,11 +82,12 @@ def main() -> None:
     (OUT / "pictures").mkdir(parents=True, exist_ok=True)
     path, missing = gathered(OUT / "pictures")
     rows = make_archive(path, OUT, draws=options.draws, workers=options.workers)
-    found = {"draws": options.draws, "missing": missing, "rows": [kept(dict(row)) for row in rows]}
+    rows = [kept(dict(row)) for row in rows]
+    found = {"draws": options.draws, "missing": missing, "rows": rows}
     (RESULTS / "real_photographs.json").write_text(json.dumps(found, indent=1) + "\n")
     print("Vertical optical depth of the stratosphere's dust (95 %), misfit, time of the fit")
     for row in rows:
-        print(line(dict(row)))
+        print(line(row))
     for name, why in missing.items():
         print(f"{name:<44}{why}")
 

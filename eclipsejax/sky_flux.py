@@ -157,8 +157,8 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
     first, last = (_signed_cell(psi_line[side], cells) for side in (0, -1))
     number = first - last + 1
     ends = jnp.cumsum(number)
-    piece = np.arange(2 * count + 2 * panel.size)
-    branch = _first(lambda branch: ends[branch] > piece, np.zeros_like(piece), panel.size - 1)
+    piece = jnp.arange(2 * count + 2 * panel.size)
+    branch = _first(lambda branch: ends[branch] > piece, jnp.zeros_like(piece), panel.size - 1)
     rank = piece - (ends - number)[branch]
     cell = first[branch] - rank
     here = jnp.asarray(panel)[branch]

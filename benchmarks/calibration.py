@@ -15,6 +15,7 @@ import multiprocessing
 import os
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -138,12 +139,15 @@ def summary(rows: list[dict]) -> dict:
 
 def accuracy(fits: list[dict], least: float, most: float) -> dict[str, float | int]:
     """How far the medians of photographs with optical depths in a range are off, and what their fits say of that."""
-    truth, median, sd = (optical_depths(fits, what) for what in ("truth", "median", "sd"))
-    chosen = (truth > least) & (truth < most)
-    if not chosen.any():
-        return {"photographs": 0}
-    error = float(np.sqrt(np.mean(np.square(median - truth)[chosen])))
-    return {"photographs": int(chosen.sum()), "rms error": error, "mean sd": float(sd[chosen].mean())}
+    truth = optical_depths(fits, "truth")
+    chosen = list(compress(fits, (truth > least) & (truth < most)))
+    return {"photographs": len(chosen), **(errors_of(chosen) if chosen else {})}
+
+
+def errors_of(fits: list[dict]) -> dict[str, float]:
+    """Rms error of the optical depths, and the mean of what fits say of it."""
+    off = optical_depths(fits, "median") - optical_depths(fits, "truth")
+    return {"rms error": float(np.sqrt(np.mean(off**2))), "mean sd": float(optical_depths(fits, "sd").mean())}
 
 
 def optical_depths(fits: list[dict], what: str) -> np.ndarray:

@@ -5,6 +5,7 @@ limb scatters worked out anew; errors of surface and limb laid over it; a camera
 photon noise, and JPEG. A fit is told the time and the place, and must find out where the disc lies.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -37,6 +38,7 @@ SHAPE = (440, 480)
 RADIUS = (135.0, 155.0)  # pixel
 FIRST, LAST = "1990-01-01", "2026-01-01"
 LOWEST = np.radians(25.0)  # of the Moon
+FULL, EARLY = "full", np.timedelta64(10, "m")  # a phase: so long after the eclipse's begin, the Moon as bright as full
 BRIGHTEST = (0.45, 0.9)  # of full scale: what the exposure brings 99.5 % of the disc below
 QUALITY = (85, 97)
 FULL_WELL, READ_NOISE = 20e3, 5.0  # electrons
@@ -116,7 +118,7 @@ def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
     nuisance = drawn_nuisance(random)
     if wrong.clock is not None:
         nuisance["clock"] = wrong.clock
-    stated, site = _instant(random)
+    [stated], site = instants(random, lambda: [random.uniform()])
     light, truth = recorded(random, path, stated, site, z, nuisance, wrong)
     encoded = _encoded(light, nuisance, wrong)
     Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
@@ -145,29 +147,33 @@ def recorded(
     light = _light(scene, wrong.limb(prior.atmosphere(jnp.asarray(z))), limb["scattered.amplitude"])
     right, up = _positions(row, column, radius)
     light = light * np.exp(_errors(random, right, up, np.asarray(_offsets(scene))))
-    light = _exposed(wrong.light(light, radius), nuisance, np.hypot(right, up) < 0.95, radius)
-    sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[np.hypot(right, up) < 0.95].max(axis=-1), 99.5)
+    on_disc = np.hypot(right, up) < 0.95
+    light = _exposed(wrong.light(light, radius), nuisance, on_disc, radius)
+    sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)
     electrons = FULL_WELL * np.maximum(light * sensitivity, 0.0)
     light = (random.poisson(electrons) + READ_NOISE * random.standard_normal(light.shape)) / FULL_WELL
     return light, Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius, sensitivity)
 
 
 @cache
-def total_eclipses() -> tuple[Eclipse, ...]:
+def _total_eclipses() -> tuple[Eclipse, ...]:
     return tuple(one for one in eclipses(FIRST, LAST) if one.kind == "total")
 
 
-def _instant(random) -> tuple[Geometry, tuple[float, float]]:
-    """A time in a totality, and a site with the Moon well above its horizon."""
-    known = total_eclipses()
+def instants(random, phases: Callable[[], Sequence[float | str]]) -> tuple[list[Geometry], tuple[float, float]]:
+    """Times of a total eclipse, and a site with the Moon well above its horizon at all of them.
+
+    - `phases`: asked once for each eclipse that is tried: shares of the time of totality, or `FULL`.
+    """
+    known = _total_eclipses()
     while True:
-        eclipse = known[random.integers(len(known))]
-        begin, end = (np.datetime64(eclipse.contacts[name].rstrip("Z"), "s") for name in ("U2", "U3"))
-        utc = f"{begin + (end - begin) * random.uniform()}Z"
+        contacts = known[random.integers(len(known))].contacts
+        first, begin, end = (np.datetime64(contacts[name].rstrip("Z"), "s") for name in ("P1", "U2", "U3"))
+        times = [first + EARLY if phase == FULL else begin + (end - begin) * float(phase) for phase in phases()]
         site = (float(np.degrees(np.arcsin(random.uniform(-0.8, 0.8)))), random.uniform(-180.0, 180.0))
-        where = geometry(utc, *site)
-        if float(moon_altitude(where)) > LOWEST:
-            return where, site
+        wheres = [geometry(f"{time}Z", *site) for time in times]
+        if all(float(moon_altitude(where)) > LOWEST for where in wheres):
+            return wheres, site
 
 
 def _light(scene: Scene, atmosphere: Atmosphere, amplitude: float) -> np.ndarray:

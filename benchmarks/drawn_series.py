@@ -5,33 +5,30 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.drawn_photograph import LOWEST, Drawn, drawn_nuisance, recorded, total_eclipses
-from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
+from benchmarks.drawn_photograph import Drawn, drawn_nuisance, instants, recorded
 from inverse import prior
 from tests.dng import write_dng
 
 WHITE = 16383  # of the sensor, 14 bits
-EARLY = np.timedelta64(10, "m")  # after the eclipse's begin the Moon is as bright as full
 SHUTTER = 0.01  # s, for a sensitivity of 1
 SHARED = prior.OF_CAMERA | {"clock"}
 CAMERA = {0x8827: (800, 1), 0x829D: (8, 1)}  # Exif: ISO and focal ratio
-FULL = "full"  # a phase: just after the eclipse's begin
 
 
 def draw_series(folder: Path, seed: int, number: int, phases: Sequence[float | str], dust: float) -> list[Drawn]:
     """Draw series `number` of a seed and write it, a DNG for each phase, which states its exposure.
 
-    - `phases`: when: shares of the time of totality, or `FULL`.
+    - `phases`: as `instants` takes them.
     - `dust`: extinction of the stratosphere's [1/m], instead of one drawn.
     """
     random = np.random.default_rng([seed, number])
     z, camera = random.standard_normal(len(prior.ATMOSPHERE)), drawn_nuisance(random)
     index, extinction = next((i, p) for i, p in enumerate(prior.ATMOSPHERE) if p.name == "dust.extinction")
     z[index] = np.log(dust / extinction.centre) / extinction.width
-    wheres, site = _instants(random, phases)
+    wheres, site = instants(random, lambda: phases)
     drawn = []
     for place, where in enumerate(wheres):
-        nuisance = drawn_nuisance(random) | {name: camera[name] for name in SHARED if name in camera}
+        nuisance = drawn_nuisance(random) | {name: camera[name] for name in SHARED}
         light, truth = recorded(random, folder / f"{number}-{place}.dng", where, site, z, nuisance)
         # The sensor's counts, of a black level of 0: nothing is lost below it.
         counts = np.clip(np.round(light * WHITE), 0, WHITE).astype(np.uint16)
@@ -40,16 +37,3 @@ def draw_series(folder: Path, seed: int, number: int, phases: Sequence[float | s
         write_dng(truth.path, counts, white=WHITE, exif=exif)
         drawn.append(truth)
     return drawn
-
-
-def _instants(random, phases: Sequence[float | str]) -> tuple[list[Geometry], tuple[float, float]]:
-    """A total eclipse, and a site where the Moon is well up at all phases."""
-    known = total_eclipses()
-    while True:
-        contacts = known[random.integers(len(known))].contacts
-        first, begin, end = (np.datetime64(contacts[name].rstrip("Z"), "s") for name in ("P1", "U2", "U3"))
-        times = [first + EARLY if phase == FULL else begin + (end - begin) * float(phase) for phase in phases]
-        site = (float(np.degrees(np.arcsin(random.uniform(-0.8, 0.8)))), random.uniform(-180.0, 180.0))
-        wheres = [geometry(f"{time}Z", *site) for time in times]
-        if all(float(moon_altitude(where)) > LOWEST for where in wheres):
-            return wheres, site

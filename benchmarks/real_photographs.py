@@ -81,8 +81,8 @@ def main() -> None:
     session.one_blas_thread()  # of the workers
     (OUT / "pictures").mkdir(parents=True, exist_ok=True)
     path, missing = gathered(OUT / "pictures")
-    rows = make_archive(path, OUT, draws=options.draws, workers=options.workers)
-    rows = [kept(dict(row)) for row in rows]
+    archive = make_archive(path, OUT, draws=options.draws, workers=options.workers)
+    rows = [kept(dict(row)) for row in archive]
     found = {"draws": options.draws, "missing": missing, "rows": rows}
     (RESULTS / "real_photographs.json").write_text(json.dumps(found, indent=1) + "\n")
     print("Vertical optical depth of the stratosphere's dust (95 %), misfit, time of the fit")

@@ -11,6 +11,7 @@ photograph and channel, times the model's map of the Moon. Writes benchmarks/res
 
 import argparse
 import json
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -57,13 +58,13 @@ def misfits(photo: PhotoFit, sigma: np.ndarray) -> dict[str, dict[str, Any]]:
             continue
         missed = np.log(observed[good] / predicted[good])
         left = floor_of(photo.offset[good], np.log(observed[good] / photo.albedo[good]))
-        found[channel] = {"cells": int(good.sum()), "misfit": float(rms(missed)), "floor": float(rms(left))}
+        found[channel] = {"cells": int(good.sum()), "misfit": rms(missed), "floor": rms(left)}
     return found
 
 
-def rms(values: np.ndarray) -> np.ndarray:
+def rms(values: np.ndarray) -> float:
     """Root of the mean square."""
-    return np.sqrt(np.mean(np.square(values)))
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def log_depth(fit: Fit) -> tuple[float, float]:
@@ -86,8 +87,7 @@ def main() -> int:
     depths = {name: log_depth(fit) for name, fit in fits.items()}
     apart = {
         f"{one}, {other}": abs(depths[one][0] - depths[other][0]) / float(np.hypot(depths[one][1], depths[other][1]))
-        for i, one in enumerate(fits)
-        for other in list(fits)[i + 1 :]
+        for one, other in combinations(fits, 2)
     }
     # The same cells as the fit's, for their noise.
     paths = [photograph(entry.file) for entry in entries]

@@ -97,7 +97,9 @@ def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.Ra
     z, value, depth = np.zeros((0, size)), np.zeros(0), np.zeros(0)
     for _ in range(START_ROUNDS):
         normal = random.standard_normal((WALKERS, size))
-        fresh = np.array([gaussians[i % len(gaussians)].at(one[None])[0] for i, one in enumerate(normal)])
+        fresh = np.empty_like(normal)
+        for first, gaussian in enumerate(gaussians):  # by turns: whichever are left out below, they are of all
+            fresh[first :: len(gaussians)] = gaussian.at(normal[first :: len(gaussians)])
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
         with np.errstate(invalid="ignore"):
             depth = np.where(np.isfinite(value), value.max() - value, np.inf)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import judged
-from benchmarks.drawn_series import FULL, draw_series
+from benchmarks.drawn_photograph import FULL
+from benchmarks.drawn_series import draw_series
 from benchmarks.series_2015 import floor_of, misfits
 from inverse.photo import read_photo
 from inverse.result import PhotoFit

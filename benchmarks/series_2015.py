@@ -20,13 +20,11 @@ from scipy.interpolate import make_lsq_spline
 from benchmarks.measure import RESULTS
 from eclipsejax import session
 from inverse.catalogue import Entry, catalogue, photograph
-from inverse.evidence import gather
 from inverse.fit import fit_atmosphere
-from inverse.result import Fit, PhotoFit
+from inverse.result import SIGNAL, Fit, PhotoFit
 
 SERIES = "2015-09-28-canon-t2i/"
 SINGLE = ("IMG_8672.jpg", "IMG_8718.jpg", "IMG_8742.jpg", "IMG_8757.jpg")
-SIGNAL = 10.0  # of a cell, in standard deviations of its noise
 KNOTS = 8  # of the smooth function
 WANTED_RATIO, WANTED_FLOOR, WANTED_APART = 1.25, 0.12, 2.0
 CHANNELS = ("red", "green", "blue")
@@ -48,12 +46,12 @@ def floor_of(offset: np.ndarray, log_light: np.ndarray) -> np.ndarray:
     return left
 
 
-def misfits(photo: PhotoFit, sigma: np.ndarray) -> dict[str, dict[str, Any]]:
+def misfits(photo: PhotoFit) -> dict[str, dict[str, Any]]:
     """By channel: cells with enough signal, rms of the misfit and of the floor."""
     found = {}
     for index, channel in enumerate(CHANNELS):
         observed, predicted = photo.observed[:, index], photo.predicted[:, index]
-        good = photo.usable[:, index] & photo.on_disc & (observed > SIGNAL * sigma[:, index]) & (predicted > 0.0)
+        good = photo.bright[:, index]
         if good.sum() < 4 * KNOTS:
             continue
         missed = np.log(observed[good] / predicted[good])
@@ -89,12 +87,7 @@ def main() -> int:
         f"{one}, {other}": abs(depths[one][0] - depths[other][0]) / float(np.hypot(depths[one][1], depths[other][1]))
         for one, other in combinations(fits, 2)
     }
-    # The same cells as the fit's, for their noise.
-    paths = [photograph(entry.file) for entry in entries]
-    times = [entry.utc for entry in entries]
-    evidence = gather(paths, time=times, site=None, disc=None, progress=lambda *_: None)
-    noise = [item.cells.sigma for item in evidence if item.cells is not None]
-    frames = {photo.name: misfits(photo, sigma) for photo, sigma in zip(joint.photos, noise, strict=True)}
+    frames = {photo.name: misfits(photo) for photo in joint.photos}
     channels = {}
     for channel in CHANNELS:
         parts = [frame[channel] for frame in frames.values() if channel in frame]

@@ -27,6 +27,7 @@ LENGTH = 0.35  # of the disc's radius, about 6 arcmin
 RADIAL = 1e-3  # rad: 3.4 arcmin
 MODES = 100  # common to the channels, and as many for each
 BLACK = 1e-3  # full scale: some three codes of a black pixel in an 8-bit file
+BLACK_LINEAR = 1e-4  # of the brightest value: some two counts of 14 bits, as well as sensors know their black
 BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
 
 
@@ -179,13 +180,21 @@ def modes_of(position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray) -> n
     return modes
 
 
-def black_modes(value: np.ndarray, floor: float, usable: np.ndarray) -> np.ndarray:
+def black_error(value: np.ndarray, usable: np.ndarray, tone_curve: str) -> float:
+    """Standard deviation of values near black [full scale].
+
+    - `value`, `usable`: (cell, 3); `tone_curve`: "linear", or that of a picture.
+    """
+    return BLACK_LINEAR * float(np.max(value, where=usable, initial=0.0)) if tone_curve == "linear" else BLACK
+
+
+def black_modes(value: np.ndarray, floor: float, usable: np.ndarray, error: float) -> np.ndarray:
     """B: errors of the log of values near black, where a camera cuts off noise, and files have few codes (datum, mode).
 
-    A curve of the value for each channel, `BLACK` wide and smooth over a factor of `BLACK_REACH`: what is wrong with
-    one dark cell is wrong with all that are as dark.
+    A curve of the value for each channel, smooth over a factor of `BLACK_REACH`: what is wrong with one dark cell is
+    wrong with all that are as dark.
 
-    - `value`: (cell, 3) and `floor` [full scale]; `usable`: (cell, 3).
+    - `value`: (cell, 3), `floor`, and `error`, of `black_error` [full scale]; `usable`: (cell, 3).
     """
     height = np.log(np.maximum(value, 0.0) + floor)
     line = np.linspace(height.min(), height.max(), BLACK_POINTS)
@@ -193,7 +202,7 @@ def black_modes(value: np.ndarray, floor: float, usable: np.ndarray) -> np.ndarr
     values, vectors = eigh(kernel, subset_by_index=(BLACK_POINTS - BLACK_MODES, BLACK_POINTS - 1))
     curves = (vectors * np.sqrt(values)).T
     each = np.stack([np.interp(height, line, curve) for curve in curves], axis=-1) * usable[..., None]
-    each = each * BLACK / np.exp(height)[..., None]
+    each = each * error / np.exp(height)[..., None]
     return (each[:, :, None] * np.eye(value.shape[1])[..., None]).reshape(value.size, -1)
 
 
@@ -204,7 +213,7 @@ class Sources:
     - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
     - `relief`: relative error of each cell's light, alike in all channels (cell,).
     - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
-    - `floor`: of the log values [full scale].
+    - `floor`: of the log values; `black`: of `black_error` [full scale].
     - `usable`: (cell, 3); `on_disc`: (cell,).
     """
 
@@ -212,6 +221,7 @@ class Sources:
     relief: np.ndarray
     smooth: np.ndarray
     floor: float
+    black: float
     usable: np.ndarray
     on_disc: np.ndarray
 
@@ -236,5 +246,5 @@ class Sources:
         tint = (TINT**2 + CHROMATIC**2 * left)[:, None, None]
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
-        black = black_modes(value, self.floor, self.usable)
+        black = black_modes(value, self.floor, self.usable, self.black)
         return Errors(cells, np.concatenate([*blocks, black], axis=1), rank, black.shape[1])

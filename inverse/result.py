@@ -13,6 +13,7 @@ from eclipsejax.whole_file import reason, whole_file
 from inverse.diagnostics import arviz
 
 NEAR_ZERO = 1.5  # times the lower end of the prior's 95 %
+SIGNAL = 10.0  # times its noise: from there on a misfit of a cell is the model's
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ class PhotoFit:
     - `name`: file name; `utc`: time as fitted, the clock's error included.
     - `registration`: None for a profile.
     - `offset`: of each cell from the shadow's axis [rad] (cell,); `on_disc`, `usable` (cell, 3).
-    - `observed`, `predicted`: decoded pixel values [full scale] (cell, 3).
+    - `observed`, `predicted`: decoded pixel values [full scale] (cell, 3); `noise`: standard deviation of `observed`
+      from noise of the pixels, and from what a file knows of black.
     - `albedo`: relative surface brightness that the model gives the cell (cell,).
     - `drawn`: `predicted` for draws from the posterior (draw, cell, 3).
     - `floor`: of logs: what is compared is the log of values above it, here as in the fit [full scale].
@@ -70,6 +72,7 @@ class PhotoFit:
     usable: np.ndarray
     observed: np.ndarray
     predicted: np.ndarray
+    noise: np.ndarray
     albedo: np.ndarray
     drawn: np.ndarray
     image: np.ndarray | None = None
@@ -78,9 +81,14 @@ class PhotoFit:
     floor: float = 0.0
 
     @property
+    def bright(self) -> np.ndarray:
+        """Usable cells of the disc whose signal is more than `SIGNAL` times their noise (cell, 3)."""
+        return self.usable & self.on_disc[:, None] & (self.observed > SIGNAL * self.noise) & (self.predicted > 0)
+
+    @property
     def residual_rms(self) -> float:
-        """Of ln(observed / predicted), both above the floor, over usable cells of the disc [-]."""
-        good = self.usable & self.on_disc[:, None] & (self.observed > 0) & (self.predicted > 0)
+        """Of ln(observed / predicted), both above the floor, over `bright` cells [-]; where there are none, over all."""
+        good = self.bright if self.bright.any() else self.usable & self.on_disc[:, None] & (self.predicted > 0)
         observed, predicted = self.observed[good] + self.floor, self.predicted[good] + self.floor
         return float(np.sqrt(np.mean(np.log(observed / predicted) ** 2)))
 

@@ -117,12 +117,14 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
 
     predicted = at(model, z)
     drawn = np.stack([at(model, one) for one in draws])
+    black = likelihood.sources[number].black
     if not isinstance(model, PhotoModel):
         profile = item.photo
         everywhere = np.ones(len(profile.value), dtype=bool)
         return PhotoFit(
             item.name, item.where.utc, None, np.asarray(profile.offset), everywhere, np.isfinite(profile.value),
-            np.asarray(profile.value), predicted, np.asarray(profile.surface), drawn, floor=float(model.floor),
+            np.asarray(profile.value), predicted, np.hypot(profile.sigma, black), np.asarray(profile.surface), drawn,
+            floor=float(model.floor),
         )  # fmt: skip
 
     surface, _ = seen(model, jnp.asarray(z[place]))
@@ -149,6 +151,7 @@ def photo_fit(item, likelihood: Likelihood, number: int, z, draws) -> PhotoFit:
         usable=cells.usable,
         observed=cells.value,
         predicted=predicted,
+        noise=np.hypot(cells.sigma, black),
         albedo=np.asarray(surface.brightness),
         drawn=drawn,
         image=_photograph(item.photo, item.registration, right, up).reshape(PICTURE, PICTURE, 3),

@@ -37,12 +37,12 @@ def test_the_floor_is_what_no_smooth_function_of_the_offset_can_take():
 def test_cells_of_little_signal_are_left_out_of_a_misfit():
     count = 400
     offset, light = np.linspace(0.0, 0.01, count), np.ones((count, 3))
+    sigma = np.where(np.arange(count) < 100, 0.2, 0.05)[:, None] * [1.0, 1.0, 4.0]
     photo = PhotoFit(
         "a.jpg", "2015-09-28T02:00:00Z", None, offset, np.ones(count, dtype=bool), np.ones((count, 3), dtype=bool),
-        light, light * [1.0, np.exp(0.2), 1.0], np.ones(count), light[None],
+        light, light * [1.0, np.exp(0.2), 1.0], sigma, np.ones(count), light[None],
     )  # fmt: skip
-    sigma = np.where(np.arange(count) < 100, 0.2, 0.05)[:, None] * [1.0, 1.0, 4.0]
-    found = misfits(photo, sigma)
+    found = misfits(photo)
     assert set(found) == {"red", "green"} and found["red"]["cells"] == 300
     assert found["red"]["misfit"] == 0.0 and found["green"]["misfit"] == pytest.approx(0.2)
     assert found["green"]["floor"] < 1e-9  # what is the same everywhere is smooth

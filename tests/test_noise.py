@@ -50,7 +50,7 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
     """Errors of pixels, and smooth ones of the light; the modes leave nothing."""
     cells = len(modes)
     usable = np.broadcast_to(usable, (cells, 3))
-    return noise.Sources(np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, usable, np.zeros(cells))
+    return noise.Sources(np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, noise.BLACK, usable, np.zeros(cells))
 
 
 def bright(modes):
@@ -112,7 +112,7 @@ def test_what_the_modes_leave_is_independent():
     on_disc = np.arange(len(position)) < len(position) - 10
     modes = noise.smooth_modes(position, offset) * on_disc[:, None]
     cells, usable = len(modes), np.full((len(modes), 3), True)
-    every = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, usable, on_disc).errors(
+    every = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, noise.BLACK, usable, on_disc).errors(
         bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3))
     )  # fmt: skip
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
@@ -127,7 +127,7 @@ def test_errors_near_black_are_those_of_a_curve_for_each_channel():
     value = np.random.default_rng(5).uniform(0.0, 0.4, (200, 3))
     value[:50] *= 0.01
     usable = np.random.default_rng(6).uniform(size=value.shape) > 0.1
-    modes = noise.black_modes(value, 0.004, usable).reshape(*value.shape, -1)
+    modes = noise.black_modes(value, 0.004, usable, noise.BLACK).reshape(*value.shape, -1)
     variance = np.sum(modes**2, axis=-1)
     assert not variance[~usable].any() and not np.any(np.sum(modes[:, 0] * modes[:, 1], axis=1))
     wanted = noise.BLACK / (value + 0.004)
@@ -135,3 +135,12 @@ def test_errors_near_black_are_those_of_a_curve_for_each_channel():
     assert share.min() > 0.5 and share.max() < 1.05  # a few modes hold most of it
     dark, light = wanted > 0.1, wanted < 0.004
     assert np.sqrt(variance[dark & usable].max()) > 0.1 and np.sqrt(variance[light & usable].max()) < 0.005
+
+
+def test_a_linear_file_knows_its_black_by_its_brightest_value():
+    value = np.array([[0.5, 0.2, 0.1], [0.9, 0.3, 0.1]])
+    usable = np.array([[True, True, True], [False, True, True]])
+    assert noise.black_error(value, usable, "srgb") == noise.black_error(1e-5 * value, usable, "srgb") == noise.BLACK
+    linear = noise.black_error(value, usable, "linear")
+    assert linear == 0.5 * noise.BLACK_LINEAR  # what is overexposed says nothing
+    assert noise.black_error(1e-5 * value, usable, "linear") == pytest.approx(1e-5 * linear)

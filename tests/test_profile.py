@@ -32,7 +32,7 @@ def photograph(number: int = 3000, seed: int = 0, noise: float = 0.03) -> PhotoF
     return PhotoFit(
         name="moon.jpg", utc="2022-05-16T04:06:00Z", registration=None, offset=offset,
         on_disc=np.ones(number, dtype=bool), usable=np.ones((number, 3), dtype=bool),
-        observed=observed, predicted=clean, albedo=albedo,
+        observed=observed, predicted=clean, noise=1e-3 * clean, albedo=albedo,
         drawn=np.stack([0.98 * clean, 1.02 * clean]),
     )  # fmt: skip
 

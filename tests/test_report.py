@@ -66,7 +66,8 @@ def photograph(centre=(30.0, 16.0), exposure=60.0, seed=0, utc=UTC, mirror=False
     band = clean * np.exp(np.array([-0.06, 0.06]))[:, None, None]
     return PhotoFit(
         name="IMG_8742.jpg", utc=utc, registration=registration, offset=offset * ARCMIN, on_disc=np.ones(x.size, bool),
-        usable=observed < 0.97, observed=observed, predicted=np.minimum(clean, 1.0), albedo=surface(x, y), drawn=band,
+        usable=observed < 0.97, observed=observed, predicted=np.minimum(clean, 1.0),
+        noise=1e-3 * clean, albedo=surface(x, y), drawn=band,
         image=image, model_image=np.minimum(picture, 1.0),
     )  # fmt: skip
 

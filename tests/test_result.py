@@ -101,6 +101,7 @@ def test_sentence_gives_alpha_and_the_optical_depth_that_it_means(fit):
 
 def test_residual_counts_usable_cells_of_the_disc_only():
     photo = photograph()
+    photo.noise[:] = 1e-3 * photo.predicted
     photo.observed[:] = photo.predicted * np.exp(0.25)
     photo.usable[:] = True
     assert photo.residual_rms == pytest.approx(0.25, rel=1e-12)
@@ -108,6 +109,17 @@ def test_residual_counts_usable_cells_of_the_disc_only():
     photo.observed[5:9], photo.on_disc[5:9] = 1e6, False
     photo.observed[9:12, 0] = 0.0  # has no logarithm
     assert photo.residual_rms == pytest.approx(0.25, rel=1e-12)
+
+
+def test_residual_is_of_bright_cells_where_there_are_any():
+    photo = photograph()
+    photo.usable[:], photo.noise[:] = True, 0.02 * photo.predicted
+    photo.observed[:] = photo.predicted * np.exp(0.25)
+    photo.observed[:5] = photo.predicted[:5] * np.exp(-3.0)
+    photo.noise[:5] = photo.predicted[:5]
+    assert photo.residual_rms == pytest.approx(0.25, rel=1e-12)
+    photo.noise[:] = photo.predicted
+    assert photo.residual_rms > 0.25  # none: all are counted
 
 
 def test_a_report_that_cannot_be_written_leaves_the_one_before(fit, tmp_path, monkeypatch):

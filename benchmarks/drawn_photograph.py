@@ -32,7 +32,7 @@ from eclipsejax.scene import Scene, axis_offset, disc_points
 from eclipsejax.sounding import Sounding
 from inverse import noise, prior
 from inverse.cells import CELLS_PER_RADIUS
-from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE
+from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE, TINT
 
 SHAPE = (440, 480)
 RADIUS = (135.0, 155.0)  # pixel
@@ -237,7 +237,7 @@ def _exposed(light, nuisance, on_disc, radius: float) -> np.ndarray:
     sharp = np.exp(-0.5 * apart / core**2) / (2.0 * np.pi * core**2)
     spread = (1.0 - nuisance["camera.glare"]) * sharp + nuisance["camera.glare"] * wings
     light = np.stack([fftconvolve(light[..., channel], spread, mode="same") for channel in range(3)], axis=-1) + veil
-    balance = [nuisance[f"white_balance.{name}"] + nuisance[f"tint.{name}"] for name in ("red", "blue")]
+    balance = [nuisance[f"white_balance.{name}"] + TINT * nuisance[f"tint.{name}"] for name in ("red", "blue")]
     return light * np.exp([balance[0], 0.0, balance[1]])
 
 

@@ -197,8 +197,9 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor, item.clock_width)
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
             position = np.stack([item.cells.right, item.cells.up], axis=1)
-        gain, width = real(exposure.relative), real(exposure.width)
-        models.append(eqx.tree_at(lambda model: (model.gain, model.exposure_width), model, (gain, width)))
+        stated = exposure.relative, exposure.width, exposure.balance, exposure.tint
+        of_camera = lambda model: (model.gain, model.exposure_width, model.balance, model.tint_width)
+        models.append(eqx.tree_at(of_camera, model, tuple(real(value) for value in stated)))
         scale = np.maximum(value, 0.0) + floor
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
         data.append(observed(np.log(scale), usable, limit, on_disc))

@@ -15,7 +15,10 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
+from inverse.maker_note import canon_balance
+
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
+_BALANCE = "gains of the white balance"  # beside the names of tags: no tag of EXIF holds them
 # A GPS stamp is that of the last fix, which can be minutes old; a camera clock can be wrong by hours.
 _STALE_FIX = timedelta(minutes=10)
 
@@ -27,6 +30,8 @@ class Facts:
     - `time`: UTC, ISO with a final Z, only where the file fixes it (a zone offset, GPS, or the FITS
       standard).
     - `local_time`: ISO without a zone, to the second: the camera's own clock, of unknown zone.
+    - `balanced_once`: whether the white balance was set by hand, and so is the same in all pictures; False where the
+      camera chose it for this one. `balance`: its log gains of red and blue against green.
     - `orientation`: EXIF tag 274, 1 to 8.
     """
 
@@ -38,6 +43,8 @@ class Facts:
     focal_length_mm: float | None = None
     camera: str | None = None
     site: tuple[float, float] | None = None
+    balanced_once: bool | None = None
+    balance: tuple[float, float] | None = None
     orientation: int = 1
 
 
@@ -55,6 +62,9 @@ def tags_of_image(image: Image.Image) -> dict[str, Any]:
                 (exif.get_ifd(_GPS_IFD), ExifTags.GPSTAGS),
             ):
                 tags |= {names[key]: value for key, value in folder.items() if key in names}
+            if str(tags.get("Make", "")).startswith("Canon"):
+                block = image.info["exif"].removeprefix(b"Exif\0\0")
+                tags[_BALANCE] = canon_balance(block, tags["MakerNote"])
         except Exception:  # a foreign parser on a damaged block raises anything at all
             pass
     return tags
@@ -89,6 +99,8 @@ def facts(tags: Mapping[str, Any]) -> Facts:
         focal_length_mm=positive(tags.get("FocalLength"), at_most=1e6),
         camera=text(tags.get("Model")),
         site=_site(tags),
+        balanced_once={0.0: False, 1.0: True}.get(number(tags.get("WhiteBalance"))),
+        balance=tags.get(_BALANCE),
         orientation=_orientation(tags.get("Orientation")),
     )
 

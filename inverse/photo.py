@@ -43,6 +43,7 @@ class Photo:
       without a zone, never to be taken as UTC.
     - `exposure_s` [s], `iso`, `f_number`, `focal_length_mm` [mm], `camera`: as the file states them.
     - `site`: (latitude, longitude) [degrees], north and east positive.
+    - `balanced_once`, `balance`: of its white balance, as of `Facts`.
     - `path`, `sha256`, `format` ("JPEG", "PNG", "TIFF", "FITS", "RAW").
     - `primaries`: (3, 3) matrix from linear sRGB to the channels of the file; the identity but for pictures
       with a wide-gamut colour profile (Display P3 of phones), and unknown (the identity) for RAW and FITS.
@@ -63,6 +64,8 @@ class Photo:
     focal_length_mm: float | None
     camera: str | None
     site: tuple[float, float] | None
+    balanced_once: bool | None
+    balance: tuple[float, float] | None
     path: str
     sha256: str
     format: str

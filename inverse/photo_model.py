@@ -25,6 +25,7 @@ GLARE_POINTS_PER_RADIUS = 8
 WITHIN = 0.25 * np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0]])  # right and up, in sizes of a cell
 BLACK_CORNER = 6e-4  # full scale: two codes of 8 bits
 FREE_EXPOSURE = 3.0  # ln: width of the prior of an exposure of which nothing is known
+TINT = 0.03  # ln: between photographs of one camera whose white balance stands still
 
 
 class Surface(eqx.Module):
@@ -91,6 +92,10 @@ class PhotoModel(eqx.Module):
     """Centre of the prior of the log exposure."""
     exposure_width: Float[Array, ""]
     """Width of the prior of this photograph's own log exposure."""
+    balance: Float[Array, "2"]
+    """Centre of the prior of the log gains of red and blue, against others of its camera."""
+    tint_width: Float[Array, ""]
+    """Width of that prior."""
     floor: Float[Array, ""]
     mirror: bool = eqx.field(static=True)
     tone_curve: str = eqx.field(static=True)
@@ -133,6 +138,8 @@ class ProfileModel(eqx.Module):
     primaries: Float[Array, "3 3"]
     gain: Float[Array, ""]
     exposure_width: Float[Array, ""]
+    balance: Float[Array, "2"]
+    tint_width: Float[Array, ""]
     floor: Float[Array, ""]
     tone_curve: str = eqx.field(static=True)
 
@@ -175,9 +182,12 @@ def with_veil(light, around, nuisance):
 def developed(model, light, nuisance):
     """Light (point, 3) in the camera's channels after exposure, white balance, colour matrix and picture style.
 
-    - `model`: its gain, width of the exposure, primaries and kind of tone curve.
+    - `model`: its gain and balance with their widths, primaries and kind of tone curve.
     """
-    red, blue = (nuisance[f"white_balance.{name}"] + nuisance[f"tint.{name}"] for name in ("red", "blue"))
+    red, blue = (
+        nuisance[f"white_balance.{name}"] + centre + model.tint_width * nuisance[f"tint.{name}"]
+        for name, centre in zip(("red", "blue"), model.balance, strict=True)
+    )
     balance = jnp.stack([red, jnp.zeros_like(red), blue])
     exposure = model.gain + nuisance["gain"] + model.exposure_width * nuisance["exposure"]
     exposed = light * jnp.exp(exposure + balance)
@@ -226,6 +236,8 @@ def photo_model(
         primaries=jnp.asarray(photo.primaries),
         gain=real(0.0),
         exposure_width=real(FREE_EXPOSURE),
+        balance=jnp.zeros(2),
+        tint_width=real(TINT),
         floor=real(floor),
         mirror=registration.mirror,
         tone_curve=photo.tone_curve,
@@ -242,6 +254,8 @@ def profile_model(profile, where: Geometry, floor: float) -> ProfileModel:
         primaries=jnp.eye(3),
         gain=real(0.0),
         exposure_width=real(FREE_EXPOSURE),
+        balance=jnp.zeros(2),
+        tint_width=real(TINT),
         floor=real(floor),
         tone_curve=profile.tone_curve,
     )

@@ -86,6 +86,8 @@ def photo_of(light):
         focal_length_mm=None,
         camera=None,
         site=None,
+        balanced_once=None,
+        balance=None,
         path="picture.jpg",
         sha256="",
         format="JPEG",

@@ -17,6 +17,8 @@ class OneCamera(eqx.Module):
 
     gain: jnp.ndarray
     exposure_width: jnp.ndarray
+    balance: jnp.ndarray
+    tint_width: jnp.ndarray
     primaries: jnp.ndarray
     floor: jnp.ndarray
     tone_curve: str = eqx.field(static=True)
@@ -27,7 +29,7 @@ class OneCamera(eqx.Module):
 
 
 def camera(tone_curve="srgb"):
-    return OneCamera(jnp.asarray(1.7), jnp.asarray(3.0), jnp.eye(3), jnp.asarray(0.002), tone_curve)
+    return OneCamera(jnp.asarray(1.7), jnp.asarray(3.0), jnp.zeros(2), jnp.asarray(0.03), jnp.eye(3), jnp.asarray(0.002), tone_curve)
 
 
 @dataclass(frozen=True)

@@ -263,3 +263,41 @@ def test_fits_headers():
     assert found.site == pytest.approx((-10.944, -37.056))
     assert facts_of_fits({"DATE-OBS": "2022-05-16T04:06:07", "TIMESYS": "TT"}).time is None
     assert facts_of_fits({"DATE-OBS": "2022-05-16"}).time is None
+
+
+def canon_note(levels, at: int) -> bytes:
+    """Canon's notes with a table of colours whose gains as shot are `levels`; the notes stand `at` in the block."""
+    data = np.zeros(80, ">u2")  # the order of the whole block, which here is Pillow's
+    data[63:67] = levels
+    entry = np.array([0x4001, 3], ">u2").tobytes() + np.array([data.size, at + 18], ">u4").tobytes()
+    return np.array([1], ">u2").tobytes() + entry + bytes(4) + data.tobytes()
+
+
+@pytest.mark.parametrize(
+    "make, levels, found",
+    [
+        ("Canon", (1540, 1024, 1024, 2250), (math.log(1540 / 1024), math.log(2250 / 1024))),
+        ("Canon", (1540, 1024, 1000, 2250), None),  # another version of the table
+        ("Canon", (0, 1024, 1024, 2250), None),
+        ("NIKON CORPORATION", (1540, 1024, 1024, 2250), None),
+    ],
+)
+def test_the_balance_that_a_canon_chose(make, levels, found):
+    # Where the notes will stand is known once they have been written.
+    at = 0
+    for _ in range(2):
+        image = image_with({0x927C: canon_note(levels, at), 0xA403: 0}, first={0x010F: make})
+        block = image.info["exif"].removeprefix(b"Exif\0\0")
+        at = block.find(canon_note(levels, at))
+    known = facts(tags_of_image(image))
+    assert known.balance == (None if found is None else pytest.approx(found)) and known.balanced_once is False
+
+
+@pytest.mark.parametrize("note", [b"", b"\0", b"\xff" * 40, b"\0\x01\x40\x01\0\x03" + b"\xff" * 8])
+def test_damaged_notes_leave_the_other_tags(note):
+    known = told({0x927C: note, 0x8827: 400}, first={0x010F: "Canon"})
+    assert known.balance is None and known.iso == 400.0
+
+
+def test_a_balance_set_by_hand():
+    assert told({0xA403: 1}).balanced_once is True and told({}).balanced_once is None

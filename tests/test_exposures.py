@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from inverse.exposures import OTHER_ISO, STATED, log_exposures
-from inverse.photo_model import FREE_EXPOSURE
+from inverse.exposures import FREE_TINT, OTHER_ISO, STATED, log_exposures
+from inverse.photo_model import FREE_EXPOSURE, TINT
 
 
 def photo(**given):
     return SimpleNamespace(
         **{"camera": "T2i", "focal_length_mm": None, "tone_curve": "srgb", "exposure_s": 0.5, "iso": 400.0,
-           "f_number": None, **given}
+           "f_number": None, "balanced_once": None, "balance": None, **given}
     )  # fmt: skip
 
 
@@ -39,3 +39,19 @@ def test_what_is_not_stated_is_free():
     assert known.camera == unknown.camera
     assert (unknown.relative, unknown.width) == (0.0, FREE_EXPOSURE)
     assert log_exposures([photo(camera=None), photo(camera=None)])[0].camera is None
+
+
+def test_a_balance_chosen_for_each_picture_ties_no_colours():
+    """But where the camera wrote it down, or it was set by hand, or the file is the sensor's own."""
+    for facts, width in (
+        ({"balanced_once": True}, TINT), ({"balanced_once": False}, FREE_TINT), ({}, FREE_TINT),
+        ({"balanced_once": False, "tone_curve": "linear"}, TINT),
+    ):  # fmt: skip
+        assert all(one.tint == width and one.balance == (0.0, 0.0) for one in log_exposures([photo(**facts)] * 2))
+    white, grey, red, unknown = log_exposures(
+        [photo(balance=(0.7, 0.5)), photo(balance=(0.7, 0.4)), photo(balance=(0.4, 0.8)), photo(balanced_once=False)]
+    )
+    assert white.balance == pytest.approx((0.0, 0.0)) and grey.balance == pytest.approx((0.0, -0.1))
+    assert red.balance == pytest.approx((-0.3, 0.3)) and red.tint == TINT
+    assert unknown.balance == (0.0, 0.0) and unknown.tint == FREE_TINT
+    assert log_exposures([photo(balanced_once=False)])[0].tint == TINT  # alone, its own balance is free

@@ -54,8 +54,9 @@ class Ozone(eqx.Module):
 
     def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
         """Number density [m^-3]."""
-        peak, centre, width = jnp.asarray(_OZONE_GAUSSIANS, dtype=float).T
-        shape = jnp.sum(peak * jnp.exp(-0.5 * ((altitude - centre) / width) ** 2))
+        # Term by term: of one sum, XLA would write the terms at all points of all rays to memory before it adds them.
+        terms = (peak * jnp.exp(-0.5 / width**2 * (altitude - centre) ** 2) for peak, centre, width in _OZONE_GAUSSIANS)
+        shape = sum(terms)
         return self.column_du * (DOBSON_UNIT / _OZONE_COLUMN) * shape
 
 

@@ -55,8 +55,10 @@ def ray_sums(profile, breaks, tangent_height: Float[Array, " ray"], crossed, ord
             (n1, absorbers), (slope, _) = jax.jvp(profile, (z,), (jnp.ones_like(z),))
             return n1, slope, absorbers
 
-        found = jax.vmap(one)(altitude.reshape(-1))
-        return [values.reshape(*altitude.shape, *values.shape[1:]) for values in found]
+        # Not flattened: XLA moves such reshapes to and fro by who wants what, and would trace the rays twice.
+        for _ in range(altitude.ndim):
+            one = jax.vmap(one)
+        return one(altitude)
 
     # One call for tangent points, both ends of every panel and, for the slopes there, points just inside (a break
     # itself belongs to the panel above it): each further call would be compiled anew.
@@ -100,7 +102,9 @@ def ray_sums(profile, breaks, tangent_height: Float[Array, " ray"], crossed, ord
     rounding = jnp.finfo(s.dtype).eps * (EARTH_RADIUS + lowest) * n1_lowest
     known = (x1 > x0) & (s**4 > 1e4 * rounding * (x1 - x0))
     share = jnp.maximum(jnp.where(known, x, 1.0) / jnp.where(known, s**2, 1.0), LEAST_SHARE)
-    common = 4.0 * (s1 - s0) * weight * rise / jnp.sqrt(share * (2.0 * impact[ray] + x))
+    # Not divided by a root: XLA makes that this product where only one wants the root, and the rays of a value and of
+    # its derivatives, no longer the same to it, would all be traced twice.
+    common = 4.0 * (s1 - s0) * weight * rise * jax.lax.rsqrt(share * (2.0 * impact[ray] + x))
     path = common * (EARTH_RADIUS + lowest + height) * (1.0 + n1)
     parts = jnp.sum(common * slope / (1.0 + n1), axis=1), jnp.einsum("pn,pnc->pc", path, absorbers)
     whole = lambda part: jax.ops.segment_sum(part, crossed[0], tangent_height.size, indices_are_sorted=True)

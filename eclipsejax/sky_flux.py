@@ -76,12 +76,26 @@ def _series(coefficients, panel, u):
     return total
 
 
+@partial(jax.jit, inline=True)
+def _series_slope(coefficients, panel, u):
+    """Derivative by u, from the very coefficients of the series, T_k' = k U_(k-1): those of its own, gathered for every
+    row, would fill as much memory again."""
+    x = 2.0 * u - 1.0
+    before, last = jnp.ones_like(x), 2.0 * x
+    _, first, second, *terms = coefficients.T[:, panel]
+    total = 2.0 * first + 4.0 * second * last
+    for degree, term in enumerate(terms, start=3):
+        before, last = last, 2.0 * x * last - before
+        total = total + 2.0 * degree * term * last
+    return total
+
+
 @jax.custom_jvp
 def series(coefficients: Float[Array, "panel coefficient"], panel, u: Float[Array, "... row"]) -> Array:
     """Chebyshev series of u on [0, 1], that of a panel for each row; term by term, so that no basis is kept in memory.
 
-    Rows stand last: the processor takes several at once. Its slope by u is again a series, worked out once for all
-    parameters that move u.
+    Rows stand last: the processor takes several at once. Its slope by u is worked out once for all parameters that
+    move u.
 
     - `panel`: the panel of each row.
     """
@@ -96,7 +110,7 @@ def _(primals, tangents):
     if not isinstance(changed, SymbolicZero):
         total = total + _series(changed, panel, u)
     if not isinstance(moved, SymbolicZero):
-        total = total + _series(chebyshev_derivative(coefficients), panel, u) * moved
+        total = total + _series_slope(coefficients, panel, u) * moved
     return _series(coefficients, panel, u), total
 
 
@@ -165,23 +179,23 @@ def _pieces(psi: Float[Array, "panel node"], cells: SkyCells) -> _Pieces:
 
     # A piece ends where psi passes the lower edge of its cell (of -|psi|, the upper), if its branch gets there.
     edge = jnp.where(cell > 0, 1.0, -1.0) * cells.edges[jnp.clip(jnp.maximum(cell - 1, -cell), 0, count)]
-    cut = _crossing(psi, slope, here, branch, psi_line, u_line, edge)
+    cut = _crossing(psi, here, branch, psi_line, u_line, edge)
     # The derivative of the cut, by the implicit function theorem.
-    steep = series(slope, here, cut)
+    steep = _series_slope(psi, here, cut)
     cut = cut - derivative_only(series(moving, here, cut) / jnp.where(jnp.abs(steep) > 1e-6, steep, jnp.inf))
     cut = jnp.where(edge > psi_line[-1, branch], cut, stop[branch])
     before = jnp.where(rank == 0, start[branch], jnp.roll(cut, 1))
     return _Pieces(here, before, cut, jnp.abs(cell) - 1, cell < 0, piece < ends[-1])
 
 
-def _crossing(psi, slope, panel, branch, psi_line, u_line, edge):
+def _crossing(psi, panel, branch, psi_line, u_line, edge):
     """u at which each falling psi(u) passes an edge: between two points of its line, then by Newton's steps."""
     after = _first(lambda point: psi_line[point, branch] <= edge, jnp.ones_like(branch), _GRID - 1)
     (u0, u1), (psi0, psi1) = ([line[point, branch] for point in (after - 1, after)] for line in (u_line, psi_line))
     rise = psi1 - psi0
     u = u0 + (u1 - u0) * jnp.clip((edge - psi0) / jnp.where(rise != 0.0, rise, jnp.inf), 0.0, 1.0)
     for _ in range(_NEWTON):
-        there, steep = series(psi, panel, u), series(slope, panel, u)
+        there, steep = series(psi, panel, u), _series_slope(psi, panel, u)
         step = (there - edge) / jnp.where(steep != 0.0, steep, jnp.inf)
         u = jnp.clip(u - step, jnp.minimum(u0, u1), jnp.maximum(u0, u1))
     return u
@@ -212,8 +226,7 @@ def _summits(psi, slope):
     u = grid[jnp.argmax(psi @ chebyshev(grid, psi.shape[-1]).T, axis=1)]
     hooked = u > 0.0
 
-    def climb(_, u):
+    for _ in range(4):  # no loop of JAX's: XLA would keep two, of a value and of its derivatives
         steep, curved = series(slope, panel, u), series(curvature, panel, u)
-        return jnp.clip(u - steep / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
-
-    return jnp.where(hooked, jax.lax.fori_loop(0, 4, climb, u), 0.0)
+        u = jnp.clip(u - steep / jnp.where(curved != 0.0, curved, jnp.inf), 0.0, 1.0)
+    return jnp.where(hooked, u, 0.0)

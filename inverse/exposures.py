@@ -10,6 +10,7 @@ from inverse.photo_model import FREE_EXPOSURE, TINT
 
 STATED = 0.03  # ln: shutters are as good
 OTHER_ISO = 0.2  # ln: steps of ISO are not
+WRITTEN_TINT = 0.06  # ln: of a balance that the camera wrote down; the matrix that went with it, it did not
 FREE_TINT = 0.3  # ln: of a balance that the camera chose for each picture, and did not write down
 
 
@@ -63,5 +64,5 @@ def _balance(photo, alike: Sequence) -> tuple[tuple[float, float], float]:
     stated = [other.balance for other in alike if other.balance is not None]
     if photo.balance is not None:
         red, blue = np.subtract(photo.balance, np.median(stated, axis=0))
-        return (float(red), float(blue)), TINT
+        return (float(red), float(blue)), WRITTEN_TINT
     return (0.0, 0.0), TINT if photo.balanced_once else FREE_TINT

@@ -156,13 +156,14 @@ def _errors(fit: Fit) -> list[str]:
         return []
     rows = []
     for photo, error, check in zip(fit.photos, found["errors"], found["misfit_checks"], strict=True):
-        every, smooth = check["all"], check["smooth"]
+        every, smooth, broad = check["all"], check["smooth"], check["broad"]
         rows.append([
             photo.name, f"{error['independent']:.2f}", f"{100 * error['smooth']:.1f} %",
             f"{100 * error['chromatic']:.1f} %", f"{every['per_datum']:.2f} of {every['effective_data']:.0f}",
-            f"{smooth['per_datum']:.2f} of {smooth['effective_data']:.0f}", f"{check['p']:.2g}",
+            f"{smooth['per_datum']:.2f} of {smooth['effective_data']:.0f}",
+            f"{broad['per_datum']:.2f} of {broad['effective_data']:.0f}", f"{check['p']:.2g}",
         ])  # fmt: skip
-    head = ["", "independent", "smooth", "chromatic", "chi² per datum", "of smooth patterns", "p"]
+    head = ["", "independent", "smooth", "chromatic", "chi² per datum", "of smooth patterns", "of broad ones", "p"]
     parts = [
         heading("Errors that the photographs ask for"),
         table(head, rows),

@@ -81,7 +81,7 @@ PHOTOGRAPH = (
     Parameter("clock", "s", "normal", 0.0, CLOCK, "of the camera, or of who wrote the time down"),
 )
 TONE = (
-    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.15, "picture styles, relative to sRGB's own curve"),
+    Parameter("tone.exponent", "-", "lognormal", 1.0, 0.3, "picture styles, against sRGB's curve: 0.7-1.8 fitted"),
     Parameter("tone.toe", "full scale", "lognormal", 0.01, 1.0, "darkening of shadows by contrast curves"),
     Parameter("tone.black", "full scale", "normal", 0.0, 0.001, "what the camera takes for black"),
     Parameter("tone.shoulder", "-", "lognormal", 0.3, 1.0, "compression of highlights"),

@@ -29,7 +29,9 @@ class OneCamera(eqx.Module):
 
 
 def camera(tone_curve="srgb"):
-    return OneCamera(jnp.asarray(1.7), jnp.asarray(3.0), jnp.zeros(2), jnp.asarray(0.03), jnp.eye(3), jnp.asarray(0.002), tone_curve)
+    return OneCamera(
+        jnp.asarray(1.7), jnp.asarray(3.0), jnp.zeros(2), jnp.asarray(0.03), jnp.eye(3), jnp.asarray(0.002), tone_curve
+    )
 
 
 @dataclass(frozen=True)

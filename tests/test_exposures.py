@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from inverse.exposures import FREE_TINT, OTHER_ISO, STATED, log_exposures
+from inverse.exposures import FREE_TINT, OTHER_ISO, STATED, WRITTEN_TINT, log_exposures
 from inverse.photo_model import FREE_EXPOSURE, TINT
 
 
@@ -52,6 +52,6 @@ def test_a_balance_chosen_for_each_picture_ties_no_colours():
         [photo(balance=(0.7, 0.5)), photo(balance=(0.7, 0.4)), photo(balance=(0.4, 0.8)), photo(balanced_once=False)]
     )
     assert white.balance == pytest.approx((0.0, 0.0)) and grey.balance == pytest.approx((0.0, -0.1))
-    assert red.balance == pytest.approx((-0.3, 0.3)) and red.tint == TINT
+    assert red.balance == pytest.approx((-0.3, 0.3)) and red.tint == WRITTEN_TINT
     assert unknown.balance == (0.0, 0.0) and unknown.tint == FREE_TINT
     assert log_exposures([photo(balanced_once=False)])[0].tint == TINT  # alone, its own balance is free

@@ -50,7 +50,14 @@ def diagnosed(fit: Fit) -> Fit:
     diagnostics = {
         **fit.diagnostics,
         "errors": [{"independent": 0.83, "smooth": 0.123, "chromatic": 0.037}],
-        "misfit_checks": [{"all": check, "smooth": {**check, "effective_data": 91.0}, "p": 0.8}],
+        "misfit_checks": [
+            {
+                "all": check,
+                "smooth": {**check, "effective_data": 91.0},
+                "broad": {**check, "effective_data": 9.0},
+                "p": 0.8,
+            }
+        ],
         "information": information(Optimum(np.zeros(10), 0.0, True, 9, np.linalg.inv(covariance), ()), labels),
         "independent_errors": {"dust.extinction": {"sd": 4.1e-7, "sd_independent": 5.2e-8, "ratio": 7.88}},
         "sampler": {"steps": 4321, "r_hat": None, "converged": True, "unmet": []},

@@ -60,7 +60,9 @@ def camera(tone_curve, gain=0.0, width=0.0, balance=(0.0, 0.0), tint_width=0.0):
 
 def test_a_white_balance_moves_red_and_blue_against_green():
     light = jnp.asarray([[0.1, 0.2, 0.3]])
-    out = developed(camera("linear", balance=(-0.3, 0.2), tint_width=0.1), light, nuisances(tint_red=1.0, tint_blue=-2.0))
+    out = developed(
+        camera("linear", balance=(-0.3, 0.2), tint_width=0.1), light, nuisances(tint_red=1.0, tint_blue=-2.0)
+    )
     np.testing.assert_allclose(out, light * jnp.exp(jnp.asarray([[-0.2, 0.0, 0.0]])), rtol=1e-12)
 
 

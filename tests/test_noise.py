@@ -50,7 +50,9 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
     """Errors of pixels, and smooth ones of the light; the modes leave nothing."""
     cells = len(modes)
     usable = np.broadcast_to(usable, (cells, 3))
-    return noise.Sources(np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, noise.BLACK, usable, np.zeros(cells))
+    return noise.Sources(
+        np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, noise.BLACK, usable, np.zeros(cells)
+    )
 
 
 def bright(modes):

@@ -21,7 +21,7 @@ from benchmarks.measure import RESULTS
 from eclipsejax import session
 from inverse.catalogue import Entry, catalogue, photograph
 from inverse.fit import fit_atmosphere
-from inverse.result import SIGNAL, Fit, PhotoFit
+from inverse.result import Fit, PhotoFit
 
 SERIES = "2015-09-28-canon-t2i/"
 SINGLE = ("IMG_8672.jpg", "IMG_8718.jpg", "IMG_8742.jpg", "IMG_8757.jpg")

@@ -99,7 +99,7 @@ def facts(tags: Mapping[str, Any]) -> Facts:
         focal_length_mm=positive(tags.get("FocalLength"), at_most=1e6),
         camera=text(tags.get("Model")),
         site=_site(tags),
-        balanced_once={0.0: False, 1.0: True}.get(number(tags.get("WhiteBalance"))),
+        balanced_once=_balanced_once(tags.get("WhiteBalance")),
         balance=tags.get(_BALANCE),
         orientation=_orientation(tags.get("Orientation")),
     )
@@ -168,6 +168,12 @@ def _iso(tags: Mapping[str, Any]) -> float | None:
         if speed is not None and speed != 65535:
             return speed
     return None
+
+
+def _balanced_once(value: Any) -> bool | None:
+    """From tag 0xA403: 0 is automatic, 1 by hand."""
+    tag = number(value)
+    return bool(tag) if tag in (0.0, 1.0) else None
 
 
 def _orientation(value: Any) -> int:

@@ -4,9 +4,9 @@ The misfits at the optimum, multiplied by the inverse root of their covariance, 
 takes its own degrees of freedom away: of n misfits n - trace(J S J') are left, J being their slopes and S the
 covariance of the posterior. Counted three times: over all of the data; over the smooth patterns alone, where smooth
 errors exceed the independent ones: a model that fails does so smoothly; and over the `BROAD` broadest of these alone,
-since fine ones are less rough than is believed, and hundreds of them outvote a disc whose one side is too dark. The sizes of the errors were fitted to these
-same misfits, and outliers given less weight: a chi-squared near its expectation proves little, one far above it says
-that only the priors of those sizes held them back.
+since fine ones are less rough than is believed, and hundreds of them outvote a disc whose one side is too dark. The
+sizes of the errors were fitted to these same misfits, and outliers given less weight: a chi-squared near its
+expectation proves little, one far above it says that only the priors of those sizes held them back.
 """
 
 from collections.abc import Mapping, Sequence

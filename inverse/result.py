@@ -87,7 +87,7 @@ class PhotoFit:
 
     @property
     def residual_rms(self) -> float:
-        """Of ln(observed / predicted), both above the floor, over `bright` cells [-]; where there are none, over all."""
+        """Of ln(observed / predicted), both above the floor, over `bright` cells, or over all if none is [-]."""
         good = self.bright if self.bright.any() else self.usable & self.on_disc[:, None] & (self.predicted > 0)
         observed, predicted = self.observed[good] + self.floor, self.predicted[good] + self.floor
         return float(np.sqrt(np.mean(np.log(observed / predicted) ** 2)))

@@ -283,13 +283,10 @@ def canon_note(levels, at: int) -> bytes:
     ],
 )
 def test_the_balance_that_a_canon_chose(make, levels, found):
+    written = lambda at: image_with({0x927C: canon_note(levels, at), 0xA403: 0}, first={0x010F: make})
     # Where the notes will stand is known once they have been written.
-    at = 0
-    for _ in range(2):
-        image = image_with({0x927C: canon_note(levels, at), 0xA403: 0}, first={0x010F: make})
-        block = image.info["exif"].removeprefix(b"Exif\0\0")
-        at = block.find(canon_note(levels, at))
-    known = facts(tags_of_image(image))
+    at = written(0).info["exif"].removeprefix(b"Exif\0\0").find(canon_note(levels, 0))
+    known = facts(tags_of_image(written(at)))
     assert known.balance == (None if found is None else pytest.approx(found)) and known.balanced_once is False
 
 

@@ -114,9 +114,8 @@ def test_what_the_modes_leave_is_independent():
     on_disc = np.arange(len(position)) < len(position) - 10
     modes = noise.smooth_modes(position, offset) * on_disc[:, None]
     cells, usable = len(modes), np.full((len(modes), 3), True)
-    every = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, noise.BLACK, usable, on_disc).errors(
-        bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3))
-    )  # fmt: skip
+    errors = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, noise.BLACK, usable, on_disc)
+    every = errors.errors(bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3)))
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
     )

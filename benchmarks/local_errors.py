@@ -12,8 +12,8 @@ import numpy as np
 from eclipsejax import session
 
 PHOTOGRAPHS = (
-    ("2015-09-28-canon-t2i/IMG_8742.jpg", "2015-09-28T02:29:12Z", None),
-    ("2015-09-28-canon-t2i/IMG_8672.jpg", "2015-09-28T02:14:23Z", None),
+    ("2015-09-28-canon-t2i/IMG_8742.jpg", "2015-09-28T02:25:32Z", None),
+    ("2015-09-28-canon-t2i/IMG_8672.jpg", "2015-09-28T02:10:43Z", None),
     ("2022-11-08-phone-binoculars/camera-19-33.jpg", "2022-11-08T11:33:00Z", (45.0, 127.0)),
 )
 

@@ -25,7 +25,7 @@ from inverse.result import Fit, PhotoFit
 
 SERIES = "2015-09-28-canon-t2i/"
 SINGLE = ("IMG_8672.jpg", "IMG_8718.jpg", "IMG_8742.jpg", "IMG_8757.jpg")
-CLOCK = 240.0  # s: the catalogue's times are the camera's, set right by the flux of the penumbra to some minutes
+CLOCK = 240.0  # s: as little is believed of the catalogue's times, that the fit may say what is wrong with them
 KNOTS = 8  # of the smooth function
 WANTED_RATIO, WANTED_FLOOR, WANTED_APART = 1.25, 0.12, 2.0
 CHANNELS = ("red", "green", "blue")
@@ -97,9 +97,12 @@ def main() -> int:
         whole = {name: float(np.sqrt(np.average([part[name] ** 2 for part in parts], weights=cells)))
                  for name in ("misfit", "floor")}  # fmt: skip
         channels[channel] = {"cells": int(cells.sum()), **whole, "ratio": whole["misfit"] / whole["floor"]}
+    clocks = {name: next(one for key, one in fit.estimates.items() if key.endswith(".clock"))
+              for name, fit in fits.items()}  # fmt: skip
     found = {
         "draws": options.draws,
         "optical depth": {name: fit.estimates["stratospheric_optical_depth"].ci95 for name, fit in fits.items()},
+        "clock [s]": {name: [clock.map, clock.sd] for name, clock in clocks.items()},
         "standard deviations apart": apart, "channels": channels, "photographs": frames,
         "seconds": {name: fit.diagnostics["seconds"] for name, fit in fits.items()},
         "method": {name: fit.diagnostics["method"] for name, fit in fits.items()},
@@ -107,7 +110,7 @@ def main() -> int:
     (RESULTS / "series_2015.json").write_text(json.dumps(found, indent=1) + "\n")
     for name, (low, high) in found["optical depth"].items():
         print(f"{name:<14}optical depth {low:.4f} to {high:.4f} (95 %), {found['method'][name]}, "
-              f"{found['seconds'][name]:.0f} s")  # fmt: skip
+              f"clock {clocks[name].map:+.0f} s (+-{clocks[name].sd:.0f}), {found['seconds'][name]:.0f} s")  # fmt: skip
     print(f"furthest apart: {max(apart.values()):.1f} standard deviations (wanted {WANTED_APART:g})")
     for channel, one in channels.items():
         print(

@@ -254,8 +254,8 @@ def test_the_zone_of_a_telephone_is_found(shared):
 
 @pytest.mark.slow
 def test_the_clock_of_a_real_series_is_found(shared):
-    # 2 h 25 min by the light in the penumbra alone, to 2 min; the whole model, fitted to four of these, has 2 h 28.6 min,
-    # and to all 18, 2 h 28.7 min. So have photographs one by one, which is the better test.
+    # 2 h 25 min by the light in the penumbra alone, to 2 min; the whole model, fitted to four of these, has
+    # 2 h 28.6 min. So have all 18, and photographs one by one, which is the better test.
     folder = shared / "photos" / "2015-09-28-canon-t2i"
     each = [corrected([folder / f"IMG_{number}.jpg"])[0] for number in (8527, 8550, 8572, 8631)]
     together, _ = corrected([folder / f"IMG_{number}.jpg" for number in (8527, 8572, 8631, 8742)])

@@ -4,8 +4,7 @@
 
 The table is that of 64 offsets in totality at 24 wavelengths, clear air with the usual clouds, haze and dust; its error
 is the largest relative one in all light above 1e-12 of the Sun's, against `shadow_irradiance` at 1e-6, which brute
-force confirms to 6e-7 (tests/test_shadow.py). What an operator needs but once a scene is "prepared". All is compiled
-as the commands compile it, without XLA's fusion emitters (`session.compile_quickly`).
+force confirms to 6e-7 (tests/test_shadow.py). What an operator needs but once a scene is "prepared".
 """
 
 import os
@@ -23,7 +22,6 @@ import numpy as np
 
 from benchmarks import cold_start
 from benchmarks.measure import Measurement, report, timed
-from eclipsejax import session
 from eclipsejax.atmosphere import Atmosphere
 from eclipsejax.camera import Camera, signal
 from eclipsejax.constants import ASTRONOMICAL_UNIT, MOON_MEAN_DISTANCE
@@ -153,7 +151,6 @@ def commands() -> list[Measurement]:
 
 
 def main():
-    session.compile_quickly()  # as the commands do
     jax.config.update("jax_enable_x64", True)
     report(
         "shadow_speed",

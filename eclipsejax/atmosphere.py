@@ -55,8 +55,7 @@ class Ozone(eqx.Module):
     def profile(self, altitude: Float[Array, ""]) -> Float[Array, ""]:
         """Number density [m^-3]."""
         # Term by term: of one sum, XLA would write the terms at all points of all rays to memory before it adds them.
-        terms = (peak * jnp.exp(-0.5 / width**2 * (altitude - centre) ** 2) for peak, centre, width in _OZONE_GAUSSIANS)
-        shape = sum(terms)
+        shape = sum(peak * jnp.exp(-0.5 / width**2 * (altitude - at) ** 2) for peak, at, width in _OZONE_GAUSSIANS)
         return self.column_du * (DOBSON_UNIT / _OZONE_COLUMN) * shape
 
 

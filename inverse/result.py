@@ -81,14 +81,19 @@ class PhotoFit:
     floor: float = 0.0
 
     @property
+    def lit(self) -> np.ndarray:
+        """Usable cells of the disc whose values have a logarithm (cell, 3)."""
+        return self.usable & self.on_disc[:, None] & (self.observed > 0) & (self.predicted > 0)
+
+    @property
     def bright(self) -> np.ndarray:
-        """Usable cells of the disc whose signal is more than `SIGNAL` times their noise (cell, 3)."""
-        return self.usable & self.on_disc[:, None] & (self.observed > SIGNAL * self.noise) & (self.predicted > 0)
+        """Those whose signal is more than `SIGNAL` times their noise (cell, 3)."""
+        return self.lit & (self.observed > SIGNAL * self.noise)
 
     @property
     def residual_rms(self) -> float:
-        """Of ln(observed / predicted), both above the floor, over `bright` cells, or over all if none is [-]."""
-        good = self.bright if self.bright.any() else self.usable & self.on_disc[:, None] & (self.predicted > 0)
+        """Of ln(observed / predicted), both above the floor, over `bright` cells, or over `lit` ones if none is [-]."""
+        good = self.bright if self.bright.any() else self.lit
         observed, predicted = self.observed[good] + self.floor, self.predicted[good] + self.floor
         return float(np.sqrt(np.mean(np.log(observed / predicted) ** 2)))
 

@@ -120,6 +120,8 @@ def test_residual_is_of_bright_cells_where_there_are_any():
     assert photo.residual_rms == pytest.approx(0.25, rel=1e-12)
     photo.noise[:] = photo.predicted
     assert photo.residual_rms > 0.25  # none: all are counted
+    photo.observed[5:8, 0] = 0.0  # has no logarithm
+    assert np.isfinite(photo.residual_rms)
 
 
 def test_a_report_that_cannot_be_written_leaves_the_one_before(fit, tmp_path, monkeypatch):

@@ -27,6 +27,7 @@ from inverse.photo import Photo, read_photo
 from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, oriented, register
+from inverse.shared_errors import places_of, shared_modes
 from inverse.times import UNKNOWN, check_error, dates_of, is_searched, of_one_clock, times_of
 
 FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
@@ -179,7 +180,7 @@ def _placed(
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, sources, errors = [], [], [], []
+    models, data, sources, values = [], [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
@@ -207,7 +208,10 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         smooth = noise.modes_of(position, offset, on_disc)
         black = noise.black_error(value, usable, item.photo.tone_curve)
         sources.append(noise.Sources(pixels, relief, smooth, floor, black, usable, on_disc))
-        errors.append(sources[-1].errors(value, response(model, value)))
+        values.append(value)
+    sources = _sharing(sources, models, evidence)
+    each = zip(sources, models, values, strict=True)
+    errors = [one.errors(value, response(model, value)) for one, model, value in each]
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
@@ -218,6 +222,18 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
     return likelihood.centred(list(groups.values()))
+
+
+def _sharing(sources: list[noise.Sources], models: Sequence, evidence: Sequence[Evidence]) -> list[noise.Sources]:
+    """Sources of errors that several photographs share; a profile shares none."""
+    several = [number for number, item in enumerate(evidence) if item.cells is not None]
+    if len(several) < 2:
+        return sources
+    found, where = list(sources), [places_of(models[number]) for number in several]
+    for number, one, shared in zip(several, where, shared_modes(where), strict=True):
+        smooth = noise.modes_of(one.disc, np.linalg.norm(one.shadow, axis=1), one.on_disc, shared)
+        found[number] = replace(found[number], smooth=smooth, shared=shared.shape[1])
+    return found
 
 
 def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: np.ndarray) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from eclipsejax.errors import InputError
 from inverse.answer import Answer, answer, beginning, begun, identity
 from inverse.chain import Record, read_record
+from inverse.compared import photo_fits
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
 from inverse.information import information, under_independent_errors
@@ -19,7 +20,7 @@ from inverse.map_estimate import Optimum
 from inverse.misfit_check import misfit_checks
 from inverse.optimum import STAGES, best
 from inverse.result import Fit
-from inverse.summary import estimates, other_ends, photo_fit, provenance, warnings_of
+from inverse.summary import estimates, other_ends, provenance, warnings_of
 
 SHOWN = 24  # draws behind the bands of the plots
 
@@ -117,7 +118,7 @@ def conclude(
     shown = random.choice(found.z.reshape(-1, LIMB), SHOWN)
     normal = random.standard_normal((SHOWN, len(optimum.z) - LIMB))
     joint = np.array([with_nuisances(likelihood, optimum, z, n) for z, n in zip(shown, normal, strict=True)])
-    photos = tuple(photo_fit(item, likelihood, i, optimum.z, joint) for i, item in enumerate(evidence))
+    photos = tuple(photo_fits(evidence, likelihood, optimum.z, joint))
     diagnostics = {
         "converged": optimum.converged,
         "steps": optimum.steps,

@@ -21,6 +21,7 @@ from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Errors, Sources
 from inverse.observed import Observed
 from inverse.photo_model import developed, log_value, of_the_view, seen_and_slopes, signal, slopes_by_light
+from inverse.shared_errors import JointWhitener, joint_whitener
 
 LIMB = len(prior.ATMOSPHERE)
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
@@ -63,6 +64,11 @@ class Likelihood:
             else f"{own[0]}{f'-{own[-1]}' if len(own) > 1 else ''}.{parameter.name}"
             for index, (parameter, own) in enumerate(zip(self.parameters, owners, strict=True))
         )  # fmt: skip
+
+    @cached_property
+    def whitener(self) -> JointWhitener:
+        """Multiplies misfits of all photographs by the inverse root of the covariance of their errors."""
+        return joint_whitener(self.errors)
 
     def columns(self, number: int) -> np.ndarray:
         """Where the limb and the nuisances of a photograph are in z."""

@@ -75,14 +75,10 @@ class Quadratic:
 
 def quadratic(likelihood: Likelihood, z: np.ndarray) -> Quadratic:
     """Minus twice the log posterior about z."""
-    cost, gradient, information = float(z @ z), z.copy(), np.eye(z.size)
-    for number, (misfit, slopes) in enumerate(likelihood.misfits_and_slopes(z)):
-        products = likelihood.errors[number].whitener.products(np.column_stack([slopes, misfit]))
-        columns = likelihood.columns(number)
-        cost += float(products[-1, -1])
-        gradient[columns] += products[:-1, -1]
-        information[np.ix_(columns, columns)] += products[:-1, :-1]
-    return Quadratic(cost, gradient, information)
+    found = [np.column_stack([slopes, misfit]) for misfit, slopes in likelihood.misfits_and_slopes(z)]
+    columns = [np.append(likelihood.columns(number), z.size) for number in range(len(found))]
+    products = likelihood.whitener.products(found, columns, z.size + 1)
+    return Quadratic(float(z @ z + products[-1, -1]), z + products[:-1, -1], np.eye(z.size) + products[:-1, :-1])
 
 
 def descend(

@@ -17,6 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import eigh
 
+from inverse.whitener import Alone, Whitener, whitener
+
 # Relative errors of the light of one cell, alike in all channels (craters, the map's own errors) and in each. Local
 # misfits of photographs of 2015 and 2022 are 1.6-3.5 % and 0.6-2.4 % (python -m benchmarks.local_errors).
 RELIEF, TINT = 0.035, 0.012
@@ -39,6 +41,8 @@ class Errors:
     - `modes`: A, C and B side by side (datum, mode); `common`, `black`: how many of them are A's, and B's.
     - `independent`, `smooth`, `chromatic`: s, a, c.
     - `outlying`: by what D is larger where a value belongs to no model: a star, a hot pixel (datum,).
+    - `shared`: how many of A's modes, the last ones, it has in common with other photographs of a series, and as many
+      of each channel's (`inverse.shared_errors`).
     """
 
     cells: np.ndarray
@@ -49,6 +53,7 @@ class Errors:
     smooth: float = COMMON
     chromatic: float = CHROMATIC
     outlying: np.ndarray | float = 1.0
+    shared: int = 0
 
     @cached_property
     def sigma(self) -> np.ndarray:
@@ -73,70 +78,42 @@ class Errors:
         return np.where(count < self.common, 1, np.where(count < count.size - self.black, 2, 0))
 
     @cached_property
-    def alone(self) -> "Alone":
+    def alone(self) -> Alone:
         """Multiplies by the inverse root of s^2 D."""
         wide = (self.independent * np.sqrt(self.outlying) * np.ones(self.sigma.size)).reshape(len(self.cells), -1)
         return Alone(np.linalg.inv(np.linalg.cholesky(wide[:, :, None] * self.cells * wide[:, None])))
 
     @cached_property
-    def whitener(self) -> "Whitener":
+    def whitener(self) -> Whitener:
         """Multiplies by the inverse root of the covariance."""
         return whitener(self.alone, self.modes * self.amplitudes)
+
+    @property
+    def is_shared(self) -> np.ndarray:
+        """Whether each mode is one of those that are shared (mode,)."""
+        return (self.kinds > 0) & (np.arange(self.kinds.size) % max(1, self.common) >= self.common - self.shared)
+
+    @cached_property
+    def shared_modes(self) -> np.ndarray:
+        """Of their standard deviations (datum, mode)."""
+        return (self.modes * self.amplitudes)[:, self.is_shared]
+
+    @cached_property
+    def own_whitener(self) -> Whitener:
+        """The `whitener` of what is not shared."""
+        if self.shared == 0:
+            return self.whitener
+        return whitener(self.alone, (self.modes * self.amplitudes)[:, ~self.is_shared])
 
     def without_smooth(self) -> "Errors":
         """The same variance of every datum, all of it independent: what is usually assumed, and wrong."""
         variance = (self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)).reshape(len(self.cells), -1)
         cells = variance[:, :, None] * np.eye(variance.shape[1])
         none = np.zeros((variance.size, 1))
-        return replace(self, cells=cells, modes=none, common=1, black=0, independent=1.0, outlying=1.0)
+        return replace(self, cells=cells, modes=none, common=1, black=0, independent=1.0, outlying=1.0, shared=0)
 
 
-@dataclass(frozen=True)
-class Alone:
-    """Multiplies the values of each cell by a matrix of its own: `roots` (cell, value, value)."""
-
-    roots: np.ndarray
-
-    def __call__(self, residual: np.ndarray) -> np.ndarray:
-        """Of residuals (datum,) or of many side by side (datum, column)."""
-        return (self.roots @ residual.reshape(*self.roots.shape[:2], -1)).reshape(residual.shape)
-
-
-@dataclass(frozen=True)
-class Whitener:
-    """Multiplies residuals by C^(-1/2), C = D + L L'.
-
-    - `alone`: by D^(-1/2); `basis`: orthonormal (datum, rank); `shrink`: 1 / sqrt(1 + eigenvalue) - 1 (rank,).
-    """
-
-    alone: Alone
-    basis: np.ndarray
-    shrink: np.ndarray
-
-    def __call__(self, residual: np.ndarray) -> np.ndarray:
-        """Of residuals (datum,) or of many side by side (datum, column)."""
-        scaled = self.alone(residual)
-        return scaled + (((scaled.T @ self.basis) * self.shrink) @ self.basis.T).T
-
-    def products(self, columns: np.ndarray) -> np.ndarray:
-        """Of columns (datum, column) with each other, C^(-1) between them: half the work of multiplying them first."""
-        scaled = self.alone(columns)
-        along = self.basis.T @ scaled
-        return scaled.T @ scaled + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
-
-
-def whitener(alone: Alone, low_rank: np.ndarray) -> Whitener:
-    """From the inverse root of D and L (datum, rank)."""
-    scaled = alone(low_rank)
-    # The eigenvectors of the small L'L: an SVD of the tall matrix costs ten times as much.
-    eigenvalue, vector = np.linalg.eigh(scaled.T @ scaled)
-    kept = eigenvalue > 1e-9 * max(eigenvalue.max(), 1e-300)
-    basis = np.where(kept, scaled @ vector / np.sqrt(np.where(kept, eigenvalue, 1.0)), 0.0)
-    shrink = np.where(kept, 1.0 / np.sqrt(1.0 + np.where(kept, eigenvalue, 0.0)) - 1.0, 0.0)
-    return Whitener(alone, np.asfortranarray(basis), shrink)  # columns in a row each: products of few rows take half
-
-
-def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
+def smooth_modes(position: np.ndarray, offset: np.ndarray, shared: np.ndarray | None = None) -> np.ndarray:
     """L of the covariance of smooth errors, of variance 1 (cell, mode).
 
     Half of it exp(-distance / LENGTH) over the disc: rough at every scale, as the misfits of real photographs are.
@@ -145,6 +122,7 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
     is left of it is independent from cell to cell, and the amplitude of independent errors is fitted.
 
     - `position`: on the disc, in its radii (cell, 2); `offset`: (cell,) [rad].
+    - `shared`: modes that are known already, and are left out (cell, mode).
     """
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     farther = np.abs(offset[:, None] - offset)
@@ -152,6 +130,8 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray) -> np.ndarray:
     last = len(position) - 1
     # Of the mean over the disc it says nothing: the exposure is free to meet it, and else meets it no more.
     covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+    if shared is not None:
+        covariance = covariance - shared @ shared.T
     values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - MODES), last))
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
@@ -168,16 +148,20 @@ def sky_modes(position: np.ndarray) -> np.ndarray:
     return SKY / COMMON * modes
 
 
-def modes_of(position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
-    """Modes of the disc's cells and of the sky's side by side (cell, mode).
+def modes_of(
+    position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray, shared: np.ndarray | None = None
+) -> np.ndarray:
+    """Modes of the disc's cells, of the sky's, and those that are shared, side by side (cell, mode).
 
     - `position`: (cell, 2) [radii of the disc]; `offset`: from the shadow's axis (cell,) [rad]; `on_disc`: (cell,).
+    - `shared`: with other photographs (cell, mode).
     """
-    disc, sky = smooth_modes(position[on_disc], offset[on_disc]), sky_modes(position[~on_disc])
+    known = None if shared is None else shared[on_disc]
+    disc, sky = smooth_modes(position[on_disc], offset[on_disc], known), sky_modes(position[~on_disc])
     modes = np.zeros((on_disc.size, disc.shape[1] + sky.shape[1]))
     modes[on_disc, : disc.shape[1]] = disc
     modes[~on_disc, disc.shape[1] :] = sky
-    return modes
+    return modes if shared is None else np.concatenate([modes, shared], axis=1)
 
 
 def black_error(value: np.ndarray, usable: np.ndarray, tone_curve: str) -> float:
@@ -215,6 +199,7 @@ class Sources:
     - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
     - `floor`: of the log values; `black`: of `black_error` [full scale].
     - `usable`: (cell, 3); `on_disc`: (cell,).
+    - `shared`: how many of `smooth`, the last ones, are shared with other photographs.
     """
 
     noise: np.ndarray
@@ -224,6 +209,7 @@ class Sources:
     black: float
     usable: np.ndarray
     on_disc: np.ndarray
+    shared: int = 0
 
     def errors(self, value: np.ndarray, response: np.ndarray) -> Errors:
         """Errors of the light, as a camera makes errors of its values of them, and those of values near black.
@@ -247,4 +233,5 @@ class Sources:
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
         black = black_modes(value, self.floor, self.usable, self.black)
-        return Errors(cells, np.concatenate([*blocks, black], axis=1), rank, black.shape[1])
+        modes = np.concatenate([*blocks, black], axis=1)
+        return Errors(cells, modes, rank, black.shape[1], shared=self.shared)

@@ -81,9 +81,9 @@ class Surroundings:
         slopes = []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
             everywhere = np.zeros((len(by), optimum.z.size))
-            everywhere[:, likelihood.columns(number)] = likelihood.errors[number].whitener(by)
+            everywhere[:, likelihood.columns(number)] = by
             slopes.append(everywhere[:, LIMB:])
-        self.slopes = np.concatenate(slopes)
+        self.slopes = np.concatenate(likelihood.whitener(slopes))
         self.centres = [jnp.asarray(optimum.z[place]) for place in likelihood.places]
         self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
 
@@ -121,9 +121,8 @@ class Surroundings:
         one, each = self.likelihood, []
         for number, place in enumerate(one.places):
             known = one.models[number], one.observed[number], one.shadow, self.seen[number], self.centres[number]
-            misfits = batched(partial(_misfits, *known), entries, nuisances[:, place - LIMB])
-            each.append(one.errors[number].whitener(misfits.T).T)
-        return np.concatenate([*each, nuisances], axis=1)
+            each.append(batched(partial(_misfits, *known), entries, nuisances[:, place - LIMB]).T)
+        return np.concatenate([*one.whitener(each), nuisances.T]).T
 
 
 def batched(function: Callable, *values: np.ndarray) -> np.ndarray:

@@ -62,6 +62,9 @@ class PhotoFit:
     - `floor`: of logs: what is compared is the log of values above it, here as in the fit [full scale].
     - `image`, `model_image`: the same square around the disc, decoded [full scale] (row, column, 3), up to `reach`
       radii from the centre; NaN outside the frame. None for a profile.
+    - `shadow`: place of each cell in the shadow, east and north of its axis [rad] (cell, 2). None for a profile.
+    - `shared`: by how much the log of `observed` exceeds that of `predicted` according to all photographs of the fit
+      together: errors of limb and map (`inverse.shared_errors`) (cell, 3). None for a profile; 0 in a fit of one.
     """
 
     name: str
@@ -79,6 +82,8 @@ class PhotoFit:
     model_image: np.ndarray | None = None
     reach: float = 1.3
     floor: float = 0.0
+    shadow: np.ndarray | None = None
+    shared: np.ndarray | None = None
 
     @property
     def lit(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from inverse import noise
 from inverse.conditional import with_nuisances
 from inverse.likelihood import LIMB
 from inverse.map_estimate import descend
+from inverse.shared_errors import joint_whitener
 
 COUNT = LIMB + 4  # two photographs of two nuisances each, and one that they share among those
 PLACES = (np.array([LIMB, LIMB + 1, LIMB + 2]), np.array([LIMB, LIMB + 3]))
@@ -23,6 +24,10 @@ class Straight:
     errors: list
     bend: float = 0.0
     places: tuple = PLACES
+
+    @property
+    def whitener(self):
+        return joint_whitener(self.errors)
 
     def columns(self, number):
         return np.concatenate([np.arange(LIMB), self.places[number]])

@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from inverse import noise
+from inverse.whitener import Alone, whitener
 
 
 def test_whitened_residuals_have_the_mahalanobis_norm():
@@ -12,17 +13,17 @@ def test_whitened_residuals_have_the_mahalanobis_norm():
     roots = np.eye(4) + 0.3 * np.tri(4) * random.uniform(size=(10, 4, 4))
     low_rank, residual = random.standard_normal((40, 6)), random.standard_normal(40)
     covariance = np.asarray(block_diag(*(roots @ np.swapaxes(roots, 1, 2)))) + low_rank @ low_rank.T
-    whitened = noise.whitener(noise.Alone(np.linalg.inv(roots)), low_rank)(residual)
+    whitened = whitener(Alone(np.linalg.inv(roots)), low_rank)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-10)
 
 
 def test_a_repeated_column_does_no_harm():
     random = np.random.default_rng(1)
-    alone, column = noise.Alone(np.ones((20, 1, 1))), random.standard_normal((20, 1))
+    alone, column = Alone(np.ones((20, 1, 1))), random.standard_normal((20, 1))
     twice = np.concatenate([column, column, np.zeros((20, 1))], axis=1)
     residual = random.standard_normal(20)
     covariance = np.eye(20) + twice @ twice.T
-    whitened = noise.whitener(alone, twice)(residual)
+    whitened = whitener(alone, twice)(residual)
     assert whitened @ whitened == pytest.approx(residual @ np.linalg.solve(covariance, residual), rel=1e-8)
 
 

@@ -9,6 +9,7 @@ from eclipsejax.errors import InputError
 from inverse import prior
 from inverse.noise import Errors
 from inverse.optimum import STARTS, best, roughly, starts
+from inverse.shared_errors import joint_whitener
 
 TOP = [parameter.name for parameter in prior.ATMOSPHERE].index("clouds.top")
 LOW, HIGH = -0.7, 1.4  # z of the clouds' top at either end
@@ -37,6 +38,10 @@ class TwoEnds:
 
     def carried(self, z):
         return replace(self, carried_at=z)
+
+    @property
+    def whitener(self):
+        return joint_whitener(self.errors)
 
     def columns(self, number):
         return np.arange(len(self.parameters))

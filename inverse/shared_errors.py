@@ -1,0 +1,150 @@
+"""Smooth errors that the photographs of one eclipse share, and what they make of the joint likelihood.
+
+The limb's errors are the same in all photographs at the same place of the shadow, the map's at the same place of the
+Moon. In the series of 2015-09-28 misfits agree between photographs as they do within one, three quarters of it by the
+place in the shadow (python -m benchmarks.shared_misfits). Drawn anew for each photograph, such errors would average out
+over a series, whose intervals then were 3 to 4 times too narrow.
+
+Within a photograph the two places move together, and the errors have the covariance of `noise.smooth_modes`; between
+photographs `SHARED` of it is left where both places are the same. The covariance of all data is what each photograph
+has for itself, and L L' of the shared modes over all of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from scipy.linalg import eigh
+from scipy.spatial.distance import cdist
+
+from eclipsejax.constants import MOON_RADIUS
+from eclipsejax.scene import axis_offset, axis_position_angle, disc_points
+from inverse.noise import LENGTH, RADIAL, Errors
+from inverse.whitener import Whitener, shrinking
+
+SHARED = 0.8  # of the variance of smooth errors
+OF_THE_LIMB = 0.75  # of what is shared over the disc; the rest is the map's
+MODES = 80  # common to the channels, and as many for each
+POINTS = 900  # of all photographs, that the modes are found on
+MOON = 4.5e-3  # rad: the Moon's radius, as it is on the Earth's shadow
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the cells of a photograph lie.
+
+    - `disc`: from its centre, east and north [its radii] (cell, 2).
+    - `shadow`: from the axis, east and north [rad] (cell, 2).
+    - `on_disc`: whether they are (cell,).
+    """
+
+    disc: np.ndarray
+    shadow: np.ndarray
+    on_disc: np.ndarray
+
+
+@eqx.filter_jit
+def _sky(model):
+    """East and north of a `PhotoModel`'s cells on the disc [radii] and in the shadow [rad] (cell,) each."""
+    left = model.cells.right if model.mirror else -model.cells.right
+    sine, cosine = jnp.sin(model.roll), jnp.cos(model.roll)
+    east, north = model.cells.up * sine + left * cosine, model.cells.up * cosine - left * sine
+    scale = MOON_RADIUS / jnp.linalg.norm(model.geometry.moon - model.geometry.observer)
+    position = disc_points(model.geometry, scale * east, scale * north).position
+    offset, angle = axis_offset(model.geometry, position), axis_position_angle(model.geometry, position)
+    return east, north, offset * jnp.sin(angle), offset * jnp.cos(angle)
+
+
+def places_of(model) -> Places:
+    """Of the cells of a `PhotoModel`, as it was registered."""
+    east, north, *shadow = (np.asarray(value) for value in _sky(model))
+    return Places(np.stack([east, north], axis=1), np.stack(shadow, axis=1), np.asarray(model.on_disc) > 0)
+
+
+def covariance(one: Places, other: Places) -> np.ndarray:
+    """Of shared errors of variance 1 in cells of two photographs, or of one with itself (cell, cell)."""
+    over_disc = np.exp(-cdist(one.disc, other.disc) / LENGTH)
+    over_shadow = np.exp(-cdist(one.shadow, other.shadow) / (LENGTH * MOON))
+    offset, farther = (np.linalg.norm(places.shadow, axis=1) for places in (one, other))
+    of_offset = np.exp(-np.abs(offset[:, None] - farther) / RADIAL)
+    return 0.5 * (OF_THE_LIMB * over_shadow + (1.0 - OF_THE_LIMB) * over_disc + of_offset)
+
+
+def shared_modes(photographs: Sequence[Places]) -> list[np.ndarray]:
+    """L of the covariance of shared errors, of variance `SHARED` at most: for each photograph (cell, mode).
+
+    Their mean over each disc is taken away, as from those of one photograph. Found on some of the cells and carried on
+    to all (Nyström 1930).
+    """
+    seen = [np.flatnonzero(places.on_disc) for places in photographs]
+    step = max(1, -(-sum(map(len, seen)) // POINTS))
+    chosen = [_part(places, cells[::step]) for places, cells in zip(photographs, seen, strict=True)]
+    points = Places(*(np.concatenate([getattr(one, name) for one in chosen]) for name in ("disc", "shadow", "on_disc")))
+    last = len(points.disc) - 1
+    values, vectors = eigh(covariance(points, points), subset_by_index=(max(0, last + 1 - MODES), last))
+    onto = vectors / np.sqrt(values)
+    found = []
+    for places, cells in zip(photographs, seen, strict=True):
+        modes = np.zeros((len(places.disc), values.size))
+        here = covariance(_part(places, cells), points) @ onto
+        modes[cells] = np.sqrt(SHARED) * (here - here.mean(axis=0))
+        found.append(modes)
+    return found
+
+
+def _part(places: Places, cells: np.ndarray) -> Places:
+    return Places(places.disc[cells], places.shadow[cells], places.on_disc[cells])
+
+
+@dataclass(frozen=True)
+class JointWhitener:
+    """Multiplies the residuals of all photographs together by an inverse root of their covariance.
+
+    - `each`: for what is not shared; `bases`: orthonormal over all photographs, a part for each (datum, rank).
+    - `shrink`: as that of `Whitener` (rank,).
+    """
+
+    each: tuple[Whitener, ...]
+    bases: tuple[np.ndarray, ...]
+    shrink: np.ndarray
+
+    def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Of residuals of each photograph (datum, column), the columns the same for all."""
+        white = [whitener(part) for whitener, part in zip(self.each, parts, strict=True)]
+        along = sum(basis.T @ part for basis, part in zip(self.bases, white, strict=True))
+        back = (self.shrink * np.asarray(along).T).T
+        return [part + basis @ back for basis, part in zip(self.bases, white, strict=True)]
+
+    def products(self, parts: Sequence[np.ndarray], places: Sequence[np.ndarray], count: int) -> np.ndarray:
+        """Of columns with each other, the inverse of the covariance between them (column, column).
+
+        - `parts`: of each photograph (datum, its columns); `places`: which of the `count` columns these are.
+        """
+        found, along = np.zeros((count, count)), np.zeros((self.shrink.size, count))
+        for whitener, basis, part, place in zip(self.each, self.bases, parts, places, strict=True):
+            found[np.ix_(place, place)] += whitener.products(part)
+            if self.shrink.size:
+                along[:, place] += basis.T @ whitener(part)
+        return found + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
+
+
+def joint_whitener(errors: Sequence[Errors]) -> JointWhitener:
+    """Of the errors of all photographs."""
+    each = tuple(one.own_whitener for one in errors)
+    scaled = [whitener(one.shared_modes) for whitener, one in zip(each, errors, strict=True)]
+    basis, shrink = shrinking(np.concatenate(scaled))
+    ends = np.cumsum([len(part) for part in scaled])[:-1]
+    return JointWhitener(each, tuple(np.split(basis, ends)), shrink)
+
+
+def shared_parts(errors: Sequence[Errors], misfits: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """What the misfits of all photographs say of the errors they share: its mean, of each photograph (datum,)."""
+    whiteners = [one.own_whitener for one in errors]
+    scaled = [whitener(one.shared_modes) for whitener, one in zip(whiteners, errors, strict=True)]
+    white = [whitener(misfit) for whitener, misfit in zip(whiteners, misfits, strict=True)]
+    known = np.eye(scaled[0].shape[1]) + sum(part.T @ part for part in scaled)
+    said = sum(part.T @ misfit for part, misfit in zip(scaled, white, strict=True))
+    amplitudes = np.linalg.solve(known, said)
+    return [one.shared_modes @ amplitudes for one in errors]

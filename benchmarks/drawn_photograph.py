@@ -14,10 +14,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from PIL import Image
-from scipy.ndimage import map_coordinates
 from scipy.signal import fftconvolve
-from scipy.spatial.distance import cdist
 
+from benchmarks.drawn_errors import DrawnErrors, Seen
 from eclipsejax.almanac import Eclipse, eclipses
 from eclipsejax.atmosphere import Atmosphere, Clouds
 from eclipsejax.camera import Camera, sky_plane
@@ -28,10 +27,9 @@ from eclipsejax.moon import Moon
 from eclipsejax.render import channel_weights, render
 from eclipsejax.response import encode_srgb
 from eclipsejax.scatterers import Scatterers
-from eclipsejax.scene import Scene, axis_offset, disc_points
+from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points
 from eclipsejax.sounding import Sounding
-from inverse import noise, prior
-from inverse.cells import CELLS_PER_RADIUS
+from inverse import prior
 from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE, TINT
 
 SHAPE = (440, 480)
@@ -44,9 +42,7 @@ QUALITY = (85, 97)
 FULL_WELL, READ_NOISE = 20e3, 5.0  # electrons
 BLUR = 2.0  # pixel, full width at half maximum
 COLOURS = ("red", "green", "blue")
-SURVIVING = 0.82  # of the independent errors of patches, once the picture is blurred: what is left in a cell
 CLOUDS_WIDTH = 4e3  # m: of those that are `Wrong`
-ERROR_POINTS = 41  # along the diameter of the grid that smooth errors are drawn on
 
 
 @dataclass(frozen=True)
@@ -131,11 +127,19 @@ def drawn_nuisance(random) -> dict[str, float]:
 
 
 def recorded(
-    random, path: Path, stated: Geometry, site, z: np.ndarray, nuisance: dict[str, float], wrong: Wrong = Wrong()
+    random,
+    path: Path,
+    stated: Geometry,
+    site,
+    z: np.ndarray,
+    nuisance: dict[str, float],
+    wrong: Wrong = Wrong(),
+    errors: DrawnErrors | None = None,
 ) -> tuple[np.ndarray, Drawn]:
     """What a sensor records (row, column, 3), 1 where it is full, and the truth about it.
 
     - `stated`: the scene at the time that the photographer says; `z`: of the limb (parameter,).
+    - `errors`: of surface and limb, which a series shares; by default drawn.
     """
     limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
     where = stated.after(nuisance["clock"])
@@ -146,7 +150,10 @@ def recorded(
     scene = Scene(where, camera, moon=Moon(contrast=nuisance["albedo.contrast"]))
     light = _light(scene, wrong.limb(prior.atmosphere(jnp.asarray(z))), limb["scattered.amplitude"])
     right, up = _positions(row, column, radius)
-    light = light * np.exp(_errors(random, right, up, np.asarray(_offsets(scene))))
+    east, north = up * np.sin(roll) - right * np.cos(roll), up * np.cos(roll) + right * np.sin(roll)
+    east_of_axis, north_of_axis = (np.asarray(axis) for axis in _shadow(scene))
+    seen = Seen(right, up, east, north, (east_of_axis, north_of_axis))
+    light = light * np.exp((errors or DrawnErrors(random)).of(random, seen))
     on_disc = np.hypot(right, up) < 0.95
     light = _exposed(wrong.light(light, radius), nuisance, on_disc, radius)
     sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)
@@ -189,43 +196,17 @@ def _rendered(scene, atmosphere):
 
 
 @eqx.filter_jit
-def _offsets(scene):
+def _shadow(scene):
+    """Place of the pixels in the shadow, east and north of its axis [rad] (row, column) each."""
     points = disc_points(scene.geometry, *sky_plane(scene.camera, *jnp.indices(SHAPE).astype(float)))
-    return axis_offset(scene.geometry, points.position)
+    angle, offset = axis_position_angle(scene.geometry, points.position), axis_offset(scene.geometry, points.position)
+    return offset * jnp.sin(angle), offset * jnp.cos(angle)
 
 
 def _positions(row: float, column: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Of the pixels, from the disc's centre [its radii]."""
     rows, columns = np.indices(SHAPE)
     return (columns - column) / radius, (row - rows) / radius
-
-
-def _errors(random, right, up, offset) -> np.ndarray:
-    """Errors of the log light (row, column, 3): smooth ones in all channels and in each, and of every patch.
-
-    Their kernels are those that a fit counts with, drawn whole and not by a few modes.
-    """
-    common, chromatic = (size * np.exp(0.3 * random.standard_normal()) for size in (noise.COMMON, noise.CHROMATIC))
-    line = np.linspace(-1.05, 1.05, ERROR_POINTS)
-    places = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
-    over_disc = np.exp(-cdist(places, places) / noise.LENGTH)
-    rings = np.linspace(0.0, 0.03, 400)
-    over_offset = np.exp(-np.abs(rings[:, None] - rings) / noise.RADIAL)
-    roots = [np.linalg.cholesky(kernel + 1e-9 * np.eye(len(kernel))) for kernel in (over_disc, over_offset)]
-    index = [(axis + 1.05) / (line[1] - line[0]) for axis in (up, right)]
-
-    def smooth():
-        on_disc = (roots[0] @ random.standard_normal(len(places))).reshape(ERROR_POINTS, ERROR_POINTS)
-        of_offset = roots[1] @ random.standard_normal(len(rings))
-        here = map_coordinates(on_disc, index, order=1, mode="nearest")
-        return np.sqrt(0.5) * (here + np.interp(offset, rings, of_offset))
-
-    shared = common * smooth()
-    patch = np.floor(np.stack([up, right]) * CELLS_PER_RADIUS).astype(int)
-    patch -= patch.min(axis=(1, 2), keepdims=True)
-    sides = patch.max(axis=(1, 2)) + 1
-    each = noise.RELIEF * random.standard_normal((*sides, 1)) + noise.TINT * random.standard_normal((*sides, 3))
-    return np.stack([shared + chromatic * smooth() for _ in range(3)], axis=-1) + each[patch[0], patch[1]] / SURVIVING
 
 
 def _exposed(light, nuisance, on_disc, radius: float) -> np.ndarray:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.drawn_errors import DrawnErrors
 from benchmarks.drawn_photograph import Drawn, drawn_nuisance, instants, recorded
 from inverse import prior
 from tests.dng import write_dng
@@ -26,10 +27,11 @@ def draw_series(folder: Path, seed: int, number: int, phases: Sequence[float | s
     index, extinction = next((i, p) for i, p in enumerate(prior.ATMOSPHERE) if p.name == "dust.extinction")
     z[index] = np.log(dust / extinction.centre) / extinction.width
     wheres, site = instants(random, lambda: phases)
+    errors = DrawnErrors(random)
     drawn = []
     for place, where in enumerate(wheres):
         nuisance = drawn_nuisance(random) | {name: camera[name] for name in SHARED}
-        light, truth = recorded(random, folder / f"{number}-{place}.dng", where, site, z, nuisance)
+        light, truth = recorded(random, folder / f"{number}-{place}.dng", where, site, z, nuisance, errors=errors)
         # The sensor's counts, of a black level of 0: nothing is lost below it.
         counts = np.clip(np.round(light * WHITE), 0, WHITE).astype(np.uint16)
         shutter = SHUTTER * truth.sensitivity

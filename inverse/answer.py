@@ -17,7 +17,7 @@ from inverse.map_estimate import Optimum
 from inverse.posterior import LimbPosterior
 from inverse.surrogate import interpolated
 
-FITTED = ("independent", "smooth", "chromatic", "outlying")  # of the `Errors`
+FITTED = ("independent", "smooth", "chromatic", "uneven", "outlying")  # of the `Errors`
 MOST_DRAWS = 256_000
 LAPLACE_DRAWS = 400
 

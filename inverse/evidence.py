@@ -27,7 +27,7 @@ from inverse.photo import Photo, read_photo
 from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, oriented, register
-from inverse.shared_errors import places_of, shared_modes
+from inverse.shared_errors import places_of, shared_modes, uneven_modes
 from inverse.times import UNKNOWN, check_error, dates_of, is_searched, of_one_clock, times_of
 
 FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
@@ -205,9 +205,11 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
         data.append(observed(np.log(scale), usable, limit, on_disc))
         pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
-        smooth = noise.modes_of(position, offset, on_disc)
+        smooth, broad = noise.modes_of(position, offset, on_disc), np.zeros((on_disc.size, 0))
+        if item.cells is not None:
+            broad = noise.broad_modes(position, on_disc)
         black = noise.black_error(value, usable, item.photo.tone_curve)
-        sources.append(noise.Sources(pixels, relief, smooth, floor, black, usable, on_disc))
+        sources.append(noise.Sources(pixels, relief, smooth, broad, floor, black, usable, on_disc))
         values.append(value)
     sources = _sharing(sources, models, evidence)
     each = zip(sources, models, values, strict=True)
@@ -230,9 +232,9 @@ def _sharing(sources: list[noise.Sources], models: Sequence, evidence: Sequence[
     if len(several) < 2:
         return sources
     found, where = list(sources), [places_of(models[number]) for number in several]
-    for number, one, shared in zip(several, where, shared_modes(where), strict=True):
+    for number, one, shared, broad in zip(several, where, shared_modes(where), uneven_modes(where), strict=True):
         smooth = noise.modes_of(one.disc, np.linalg.norm(one.shadow, axis=1), one.on_disc, shared)
-        found[number] = replace(found[number], smooth=smooth, shared=shared.shape[1])
+        found[number] = replace(found[number], smooth=smooth, broad=broad, shared=shared.shape[1])
     return found
 
 

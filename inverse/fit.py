@@ -126,7 +126,7 @@ def conclude(
         "costs_of_starts": [cost if np.isfinite(cost) else None for cost in optimum.costs],
         "steps_not_finite": optimum.not_finite,
         "errors": [
-            {"independent": errors.independent, "smooth": errors.smooth, "chromatic": errors.chromatic}
+            {name: getattr(errors, name) for name in ("independent", "smooth", "chromatic", "uneven")}
             for errors in likelihood.errors
         ],
         "misfit_checks": misfit_checks(likelihood, optimum),

@@ -159,17 +159,22 @@ def _errors(fit: Fit) -> list[str]:
         every, smooth, broad = check["all"], check["smooth"], check["broad"]
         rows.append([
             photo.name, f"{error['independent']:.2f}", f"{100 * error['smooth']:.1f} %",
-            f"{100 * error['chromatic']:.1f} %", f"{every['per_datum']:.2f} of {every['effective_data']:.0f}",
+            f"{100 * error['chromatic']:.1f} %", f"{100 * error['uneven']:.1f} %",
+            f"{every['per_datum']:.2f} of {every['effective_data']:.0f}",
             f"{smooth['per_datum']:.2f} of {smooth['effective_data']:.0f}",
             f"{broad['per_datum']:.2f} of {broad['effective_data']:.0f}", f"{check['p']:.2g}",
         ])  # fmt: skip
-    head = ["", "independent", "smooth", "chromatic", "chi² per datum", "of smooth patterns", "of broad ones", "p"]
+    head = [
+        "", "independent", "smooth", "chromatic", "uneven",
+        "chi² per datum", "of smooth patterns", "of broad ones", "p",
+    ]  # fmt: skip
     parts = [
         heading("Errors that the photographs ask for"),
         table(head, rows),
         paragraph(
             "Independent: as a multiple of what was thought beforehand. Smooth: of the model's brightness, in patches; "
-            "chromatic: of its colour. p: the chance of misfits as large in a right model; below 0.01 it is a verdict "
+            "chromatic: of its colour; uneven: of its brightness from one side of the shadow to another, as clouds "
+            "along the limb make it. p: the chance of misfits as large in a right model; below 0.01 it is a verdict "
             "against the model. The errors were fitted to the same misfits, so that a large p proves little.",
             "note",
         ),

@@ -18,9 +18,14 @@ from scipy.stats import chi2
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum
 
-# Amplitude of smooth errors above which a model does not explain a photograph: 2.5 times what is thought beforehand.
-UNEXPLAINED = {"smooth": 0.25, "chromatic": 0.10}
-PATCHES = {"smooth": "it is wrong by", "chromatic": "its colours are wrong by"}
+# Amplitude of smooth errors above which a model does not explain a photograph: 2.5 times what is thought beforehand; of
+# a limb's differences six times, as the cloudiest and the clearest sides of the Earth differ.
+UNEXPLAINED = {"smooth": 0.25, "chromatic": 0.10, "uneven": 0.60}
+WRONG = {
+    "smooth": "it is wrong by {:.0f} % in patches as large as a mare",
+    "chromatic": "its colours are wrong by {:.0f} % in patches as large",
+    "uneven": "one side of it is wrong by {:.0f} %",
+}
 BROAD = 12  # patterns: as broad as a third of the disc and more
 IMPROBABLE = 0.01  # probability of misfits as large, below which it does not either
 CHECKED = {"all": "the misfits", "smooth": "the smooth misfits", "broad": "the misfits all across the disc"}
@@ -85,14 +90,12 @@ def all_unexplained(names: Sequence[str], diagnostics: Mapping[str, Any]) -> lis
 def unexplained(name: str, errors: Mapping[str, float], check: Mapping[str, Any]) -> str | None:
     """The sentence for a photograph that the model does not explain; None where it does.
 
-    - `errors`: amplitudes of the `smooth` and `chromatic` errors found; `check`: of `misfit_checks`.
+    - `errors`: amplitudes of the `smooth`, `chromatic` and `uneven` errors found; `check`: of `misfit_checks`.
     """
     begin = f"This model cannot explain {name}: "
-    wrong = [
-        f"{words} {100 * errors[kind]:.0f} %" for kind, words in PATCHES.items() if errors[kind] > UNEXPLAINED[kind]
-    ]
+    wrong = [words.format(100 * errors[kind]) for kind, words in WRONG.items() if errors[kind] > UNEXPLAINED[kind]]
     if wrong:
-        return f"{begin}{' and '.join(wrong)} in patches as large as a mare, and the intervals were widened by as much."
+        return f"{begin}{' and '.join(wrong)}, and the intervals were widened by as much."
     if check["p"] < IMPROBABLE:
         worse = min(CHECKED, key=lambda which: check[which]["p"])
         what = CHECKED[worse]

@@ -5,17 +5,19 @@ contrast with them. Treated as independent, such errors make intervals nine time
 the log residuals is
 
     s^2 D (noise and errors of each cell by itself) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
-    each channel) + B B' (of values near black)
+    each channel) + u^2 U U' (of a limb that is uneven, broad) + B B' (of values near black)
 
 with D of a block for the three values of each cell, the others of low rank: a multiplication by its inverse root costs
-two thin matrix products. How large s, a and c are, the photograph says itself (`inverse.noise_fit`).
+two thin matrix products. How large s, a, c and u are, the photograph says itself (`inverse.noise_fit`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.spatial.distance import cdist
 
 from inverse.whitener import Alone, Whitener, whitener
 
@@ -28,6 +30,12 @@ CHROMATIC = 0.04  # amplitude of that of each channel
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
 RADIAL = 1e-3  # rad: 3.4 arcmin
 MODES = 100  # common to the channels, and as many for each
+# Amplitude of the light's differences from one side of the shadow to another: in the dozen photographs of 2015, 2022
+# and 2025 that show enough of the umbra 5 to 60 %, half of them below 11 %.
+UNEVEN = 0.1
+BROAD = 0.6  # of the disc's radius, their length: a third of a quadrant of the limb
+BROAD_MODES = 14  # of them on one disc
+COLOURED = 0.3  # how far they differ between the channels, in units of their amplitude
 BLACK = 1e-3  # full scale: some three codes of a black pixel in an 8-bit file
 BLACK_LINEAR = 1e-4  # of the brightest value: some two counts of 14 bits, as well as sensors know their black
 BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
@@ -38,20 +46,22 @@ class Errors:
     """Errors of the log values of one photograph.
 
     - `cells`: D, a covariance for the values of each cell (cell, value, value).
-    - `modes`: A, C and B side by side (datum, mode); `common`, `black`: how many of them are A's, and B's.
-    - `independent`, `smooth`, `chromatic`: s, a, c.
+    - `modes`: A, C, U and B side by side (datum, mode); `common`, `broad`, `black`: how many are A's, U's, and B's.
+    - `independent`, `smooth`, `chromatic`, `uneven`: s, a, c, u.
     - `outlying`: by what D is larger where a value belongs to no model: a star, a hot pixel (datum,).
     - `shared`: how many of A's modes, the last ones, it has in common with other photographs of a series, and as many
-      of each channel's (`inverse.shared_errors`).
+      of each channel's (`inverse.shared_errors`); where there are any, all of U's as well.
     """
 
     cells: np.ndarray
     modes: np.ndarray
     common: int
+    broad: int = 0
     black: int = 0
     independent: float = 1.0
     smooth: float = COMMON
     chromatic: float = CHROMATIC
+    uneven: float = UNEVEN
     outlying: np.ndarray | float = 1.0
     shared: int = 0
 
@@ -68,14 +78,14 @@ class Errors:
     @property
     def amplitudes(self) -> np.ndarray:
         """Of each mode (mode,)."""
-        size = np.array([1.0, self.smooth, self.chromatic])
+        size = np.array([1.0, self.smooth, self.chromatic, self.uneven])
         return size[self.kinds]
 
     @property
     def kinds(self) -> np.ndarray:
-        """1 for the modes of A, 2 for C's, 0 for B's (mode,)."""
-        count = np.arange(self.modes.shape[1])
-        return np.where(count < self.common, 1, np.where(count < count.size - self.black, 2, 0))
+        """1 for the modes of A, 2 for C's, 3 for U's, 0 for B's (mode,)."""
+        rest = self.modes.shape[1] - self.common - self.broad - self.black
+        return np.repeat([1, 2, 3, 0], [self.common, rest, self.broad, self.black])
 
     @cached_property
     def alone(self) -> Alone:
@@ -91,7 +101,10 @@ class Errors:
     @property
     def is_shared(self) -> np.ndarray:
         """Whether each mode is one of those that are shared (mode,)."""
-        return (self.kinds > 0) & (np.arange(self.kinds.size) % max(1, self.common) >= self.common - self.shared)
+        if self.shared == 0:
+            return np.zeros(self.kinds.size, dtype=bool)
+        last = np.arange(self.kinds.size) % self.common >= self.common - self.shared
+        return (self.kinds == 3) | ((self.kinds > 0) & last)
 
     @cached_property
     def shared_modes(self) -> np.ndarray:
@@ -110,7 +123,9 @@ class Errors:
         variance = (self.scale**2 + np.sum((self.modes * self.amplitudes) ** 2, axis=1)).reshape(len(self.cells), -1)
         cells = variance[:, :, None] * np.eye(variance.shape[1])
         none = np.zeros((variance.size, 1))
-        return replace(self, cells=cells, modes=none, common=1, black=0, independent=1.0, outlying=1.0, shared=0)
+        return replace(
+            self, cells=cells, modes=none, common=1, broad=0, black=0, independent=1.0, outlying=1.0, shared=0
+        )
 
 
 def smooth_modes(position: np.ndarray, offset: np.ndarray, shared: np.ndarray | None = None) -> np.ndarray:
@@ -134,6 +149,24 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray, shared: np.ndarray | 
         covariance = covariance - shared @ shared.T
     values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - MODES), last))
     return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
+    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
+
+    Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
+    2015, by 30 % over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
+
+    - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
+    """
+    apart = cdist(position[on_disc], position[on_disc])
+    covariance = np.exp(-0.5 * np.square(apart / BROAD))
+    covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+    last = len(covariance) - 1
+    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - BROAD_MODES), last))
+    modes = np.zeros((on_disc.size, values.size))
+    modes[on_disc] = vectors * np.sqrt(np.maximum(values, 0.0))
+    return modes
 
 
 def sky_modes(position: np.ndarray) -> np.ndarray:
@@ -196,7 +229,7 @@ class Sources:
 
     - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
     - `relief`: relative error of each cell's light, alike in all channels (cell,).
-    - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode).
+    - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode); `broad`: of `broad_modes` (cell, mode).
     - `floor`: of the log values; `black`: of `black_error` [full scale].
     - `usable`: (cell, 3); `on_disc`: (cell,).
     - `shared`: how many of `smooth`, the last ones, are shared with other photographs.
@@ -205,6 +238,7 @@ class Sources:
     noise: np.ndarray
     relief: np.ndarray
     smooth: np.ndarray
+    broad: np.ndarray
     floor: float
     black: float
     usable: np.ndarray
@@ -221,11 +255,9 @@ class Sources:
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         """
         response = np.where(self.usable[..., None], response, 0.0)
-        rank = self.smooth.shape[1]
-        alike = response.sum(axis=2)
-        blocks = [
-            (by[..., None] * self.smooth[:, None]).reshape(-1, rank) for by in (alike, *np.moveaxis(response, 2, 0))
-        ]
+        alike, by_channel = response.sum(axis=2), np.moveaxis(response, 2, 0)
+        smooth = _of_values([alike, *by_channel], self.smooth)
+        broad = _of_values([alike, *(COLOURED * by_channel)], self.broad)
         # What the modes leave of the smooth errors' variance is as good as independent from cell to cell.
         left = np.maximum(1.0 - np.sum(self.smooth**2, axis=1), 0.0) * self.on_disc
         relief = np.sqrt(self.relief**2 + COMMON**2 * left)[:, None] * alike
@@ -233,5 +265,11 @@ class Sources:
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
         black = black_modes(value, self.floor, self.usable, self.black)
-        modes = np.concatenate([*blocks, black], axis=1)
-        return Errors(cells, modes, rank, black.shape[1], shared=self.shared)
+        modes, counts = np.concatenate([smooth, broad, black], axis=1), (broad.shape[1], black.shape[1])
+        return Errors(cells, modes, self.smooth.shape[1], *counts, shared=self.shared)
+
+
+def _of_values(responses: Sequence[np.ndarray], modes: np.ndarray) -> np.ndarray:
+    """Modes of values, side by side (datum, mode), of those of the light (cell, mode) by responses (cell, value)."""
+    blocks = [by[..., None] * modes[:, None] for by in responses]
+    return np.concatenate(blocks, axis=2).reshape(modes.shape[0] * responses[0].shape[1], -1)

@@ -11,15 +11,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from inverse.noise import CHROMATIC, COMMON, Errors
+from inverse.noise import CHROMATIC, COMMON, UNEVEN, Errors
 
-# Lognormal priors of s, a, c: a discrepancy that is free to be anything eats the physics (Brynjarsdottir & O'Hagan
+# Lognormal priors of s, a, c, u: a discrepancy that is free to be anything eats the physics (Brynjarsdottir & O'Hagan
 # 2014). An error of 25 % is two widths away.
-CENTRES = np.log([1.0, COMMON, CHROMATIC])
-WIDTHS = np.array([0.7, 0.3, 0.3])
-# Nor are they ever smaller than was thought beforehand (`inverse.noise`): that one photograph fits better may be luck,
-# and the model itself (its table, nuisances taken for straight) is no better than some per cent.
-LEAST = CENTRES
+CENTRES = np.log([1.0, COMMON, CHROMATIC, UNEVEN])
+WIDTHS = np.array([0.7, 0.3, 0.3, 0.8])
+# Nor are the first three ever smaller than was thought beforehand (`inverse.noise`): that one photograph fits better
+# may be luck, and the model itself (its table, nuisances taken for straight) is no better than some per cent.
+LEAST = np.append(CENTRES[:3], np.log(0.1 * UNEVEN))
+MOST = np.log([100.0, 2.0, 2.0, 2.0])  # farther out a search for the minimum is lost, and so are the digits
 FARTHEST = 3.0  # errors
 ROUNDS = 3  # between amplitudes and weights
 
@@ -43,7 +44,7 @@ def fitted_errors(
 
 
 def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
-    """The most probable s, a and c with the weights as they are."""
+    """The most probable s, a, c and u with the weights as they are."""
     rank = errors.modes.shape[1]
     columns = np.concatenate([errors.modes, slopes, misfit[:, None]], axis=1) * used[:, None]
     columns = replace(errors, independent=1.0).alone(columns)
@@ -64,13 +65,14 @@ def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
         logarithms = 2.0 * count * np.log(independent) + 2.0 * np.log(np.diag(factor)).sum() + fitted
         return 0.5 * (whole[-1, -1] + logarithms + np.sum(((log_amplitude - CENTRES) / WIDTHS) ** 2))
 
-    start = np.maximum(np.log([errors.independent, errors.smooth, errors.chromatic]), LEAST + 0.05)
+    now = [errors.independent, errors.smooth, errors.chromatic, errors.uneven]
+    start = np.clip(np.log(now), LEAST + 0.05, MOST)
     found = minimize(
-        cost, start, method="L-BFGS-B", bounds=[(least, None) for least in LEAST],
+        cost, start, method="L-BFGS-B", bounds=list(zip(LEAST, MOST, strict=True)),
         options={"eps": 1e-4, "ftol": 1e-6},
     )  # fmt: skip
-    independent, smooth, chromatic = np.exp(found.x)
-    return replace(errors, independent=float(independent), smooth=float(smooth), chromatic=float(chromatic))
+    independent, smooth, chromatic, uneven = (float(value) for value in np.exp(found.x))
+    return replace(errors, independent=independent, smooth=smooth, chromatic=chromatic, uneven=uneven)
 
 
 def local_misfit(misfit, used, neighbours) -> np.ndarray:

@@ -10,8 +10,9 @@ photographs `SHARED` of it is left where both places are the same. The covarianc
 has for itself, and L L' of the shared modes over all of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,12 +22,13 @@ from scipy.spatial.distance import cdist
 
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.scene import axis_offset, axis_position_angle, disc_points
-from inverse.noise import LENGTH, RADIAL, Errors
+from inverse.noise import BROAD, LENGTH, RADIAL, Errors
 from inverse.whitener import Whitener, shrinking
 
 SHARED = 0.8  # of the variance of smooth errors
 OF_THE_LIMB = 0.75  # of what is shared over the disc; the rest is the map's
 MODES = 80  # common to the channels, and as many for each
+UNEVEN_MODES = 40  # of a limb that is uneven
 POINTS = 900  # of all photographs, that the modes are found on
 MOON = 4.5e-3  # rad: the Moon's radius, as it is on the Earth's shadow
 
@@ -43,6 +45,9 @@ class Places:
     disc: np.ndarray
     shadow: np.ndarray
     on_disc: np.ndarray
+
+
+Kernel = Callable[[Places, Places], np.ndarray]
 
 
 @eqx.filter_jit
@@ -64,7 +69,7 @@ def places_of(model) -> Places:
 
 
 def covariance(one: Places, other: Places) -> np.ndarray:
-    """Of shared errors of variance 1 in cells of two photographs, or of one with itself (cell, cell)."""
+    """Of shared smooth errors of variance 1 in cells of two photographs, or of one with itself (cell, cell)."""
     over_disc = np.exp(-cdist(one.disc, other.disc) / LENGTH)
     over_shadow = np.exp(-cdist(one.shadow, other.shadow) / (LENGTH * MOON))
     offset, farther = (np.linalg.norm(places.shadow, axis=1) for places in (one, other))
@@ -72,24 +77,38 @@ def covariance(one: Places, other: Places) -> np.ndarray:
     return 0.5 * (OF_THE_LIMB * over_shadow + (1.0 - OF_THE_LIMB) * over_disc + of_offset)
 
 
-def shared_modes(photographs: Sequence[Places]) -> list[np.ndarray]:
-    """L of the covariance of shared errors, of variance `SHARED` at most: for each photograph (cell, mode).
+def unevenness(one: Places, other: Places) -> np.ndarray:
+    """The same of the errors of an uneven limb, which are wholly shared."""
+    return np.exp(-0.5 * np.square(cdist(one.shadow, other.shadow) / (BROAD * MOON)))
 
-    Their mean over each disc is taken away, as from those of one photograph. Found on some of the cells and carried on
-    to all (Nyström 1930).
+
+def shared_modes(photographs: Sequence[Places]) -> list[np.ndarray]:
+    """L of the covariance of shared smooth errors, of variance `SHARED` at most: for each photograph (cell, mode)."""
+    return [np.sqrt(SHARED) * modes for modes in _modes(photographs, covariance, MODES)]
+
+
+def uneven_modes(photographs: Sequence[Places]) -> list[np.ndarray]:
+    """L of the covariance of errors from an uneven limb, of variance 1: for each photograph (cell, mode)."""
+    return _modes(photographs, unevenness, UNEVEN_MODES)
+
+
+def _modes(photographs: Sequence[Places], kernel: Kernel, most: int) -> list[np.ndarray]:
+    """The largest modes of a covariance over all photographs, their mean over each disc taken away (cell, mode).
+
+    Found on some of the cells and carried on to all (Nyström 1930).
     """
     seen = [np.flatnonzero(places.on_disc) for places in photographs]
     step = max(1, -(-sum(map(len, seen)) // POINTS))
     chosen = [_part(places, cells[::step]) for places, cells in zip(photographs, seen, strict=True)]
     points = Places(*(np.concatenate([getattr(one, name) for one in chosen]) for name in ("disc", "shadow", "on_disc")))
     last = len(points.disc) - 1
-    values, vectors = eigh(covariance(points, points), subset_by_index=(max(0, last + 1 - MODES), last))
-    onto = vectors / np.sqrt(values)
+    values, vectors = eigh(kernel(points, points), subset_by_index=(max(0, last + 1 - most), last))
+    onto = vectors / np.sqrt(np.maximum(values, 1e-9 * values.max()))
     found = []
     for places, cells in zip(photographs, seen, strict=True):
         modes = np.zeros((len(places.disc), values.size))
-        here = covariance(_part(places, cells), points) @ onto
-        modes[cells] = np.sqrt(SHARED) * (here - here.mean(axis=0))
+        here = kernel(_part(places, cells), points) @ onto
+        modes[cells] = here - here.mean(axis=0)
         found.append(modes)
     return found
 
@@ -110,6 +129,15 @@ class JointWhitener:
     bases: tuple[np.ndarray, ...]
     shrink: np.ndarray
 
+    @cached_property
+    def along(self) -> tuple[np.ndarray, ...]:
+        """What takes residuals that `Whitener.alone` has had on to the amplitudes of `bases` (rank, datum)."""
+        found = []
+        for whitener, basis in zip(self.each, self.bases, strict=True):
+            own = whitener.shrink[:, None] * (whitener.basis.T @ basis)
+            found.append(np.ascontiguousarray((basis + whitener.basis @ own).T))
+        return tuple(found)
+
     def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Of residuals of each photograph (datum, column), the columns the same for all."""
         white = [whitener(part) for whitener, part in zip(self.each, parts, strict=True)]
@@ -123,10 +151,10 @@ class JointWhitener:
         - `parts`: of each photograph (datum, its columns); `places`: which of the `count` columns these are.
         """
         found, along = np.zeros((count, count)), np.zeros((self.shrink.size, count))
-        for whitener, basis, part, place in zip(self.each, self.bases, parts, places, strict=True):
+        for whitener, onto, part, place in zip(self.each, self.along, parts, places, strict=True):
             found[np.ix_(place, place)] += whitener.products(part)
             if self.shrink.size:
-                along[:, place] += basis.T @ whitener(part)
+                along[:, place] += onto @ whitener.alone(part)
         return found + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
 
 

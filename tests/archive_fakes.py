@@ -92,7 +92,7 @@ def made(task, hashes, converged=True, limit=False) -> QuickFit:
     photographs = [{"name": "x", "sha256": sha256, "utc": utc} for sha256, utc in zip(hashes, times, strict=True)]
     diagnostics = {
         "converged": converged,
-        "errors": [{"independent": 1.0, "smooth": 0.1, "chromatic": 0.04}],
+        "errors": [{"independent": 1.0, "smooth": 0.1, "chromatic": 0.04, "uneven": 0.1}],
         "residual_rms": [0.05], "cells": [100] * len(hashes),
         "method": "laplace+psis", "psis": {"k_hat": float("inf"), "effective_samples": 500.0}, "sampler": None,
         "evaluated": 2000, "not_finite": 3,

@@ -49,7 +49,7 @@ def diagnosed(fit: Fit) -> Fit:
     check = {"chi_squared": 2890.1, "effective_data": 2871.3, "per_datum": 1.0065, "p": 0.4}
     diagnostics = {
         **fit.diagnostics,
-        "errors": [{"independent": 0.83, "smooth": 0.123, "chromatic": 0.037}],
+        "errors": [{"independent": 0.83, "smooth": 0.123, "chromatic": 0.037, "uneven": 0.1}],
         "misfit_checks": [
             {
                 "all": check,
@@ -146,7 +146,11 @@ def test_the_plain_sentence_knows_limits_and_what_is_only_believed():
 def test_doubts_stand_under_the_result():
     fit = diagnosed(fake_fit())
     assert doubts(fit) == []
-    lost = {**fit.diagnostics, "converged": False, "errors": [{"independent": 1.0, "smooth": 0.4, "chromatic": 0.05}]}
+    lost = {
+        **fit.diagnostics,
+        "converged": False,
+        "errors": [{"independent": 1.0, "smooth": 0.4, "chromatic": 0.05, "uneven": 0.1}],
+    }
     said = html_report(replace(fit, diagnostics=lost))
     assert said.count("Do not rely on this number.") == 2 and "wrong by 40 %" in said
 

@@ -17,7 +17,7 @@ from tests.test_map_estimate import Straight
 
 LABELS = [*(parameter.name for parameter in prior.ATMOSPHERE), "1.gain", "1.clock"]
 COUNT = len(LABELS)
-FOUND = {"smooth": 0.1, "chromatic": 0.04}
+FOUND = {"smooth": 0.1, "chromatic": 0.04, "uneven": 0.1}
 
 
 def optimum_of(covariance) -> Optimum:
@@ -144,8 +144,13 @@ def test_misfits_too_large_are_a_verdict():
     assert noisy_words is not None and "the misfits are 1." in noisy_words
     assert patchy_words is not None and ("smooth" in patchy_words or "across the disc" in patchy_words)
     assert unexplained("a.jpg", FOUND, checked()) is None
-    assert "it is wrong by 40 % in" in str(unexplained("a.jpg", {"smooth": 0.4, "chromatic": 0.04}, checked()))
-    assert "colours are wrong by 24 % in" in str(unexplained("a.jpg", {"smooth": 0.1, "chromatic": 0.24}, checked()))
+    assert "one side of it is wrong by 70 %, and" in str(unexplained("a.jpg", {**FOUND, "uneven": 0.7}, checked()))
+    assert "it is wrong by 40 % in" in str(
+        unexplained("a.jpg", {"smooth": 0.4, "chromatic": 0.04, "uneven": 0.1}, checked())
+    )
+    assert "colours are wrong by 24 % in" in str(
+        unexplained("a.jpg", {"smooth": 0.1, "chromatic": 0.24, "uneven": 0.1}, checked())
+    )
 
 
 def test_a_side_too_dark_is_not_outvoted_by_fine_patterns_less_rough_than_believed():

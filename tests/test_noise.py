@@ -52,7 +52,14 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
     cells = len(modes)
     usable = np.broadcast_to(usable, (cells, 3))
     return noise.Sources(
-        np.full((cells, 3), sigma), np.full(cells, relief), modes, 0.004, noise.BLACK, usable, np.zeros(cells)
+        np.full((cells, 3), sigma),
+        np.full(cells, relief),
+        modes,
+        np.zeros((cells, 0)),
+        0.004,
+        noise.BLACK,
+        usable,
+        np.zeros(cells),
     )
 
 
@@ -115,7 +122,9 @@ def test_what_the_modes_leave_is_independent():
     on_disc = np.arange(len(position)) < len(position) - 10
     modes = noise.smooth_modes(position, offset) * on_disc[:, None]
     cells, usable = len(modes), np.full((len(modes), 3), True)
-    errors = noise.Sources(np.full((cells, 3), 0.01), np.zeros(cells), modes, 0.004, noise.BLACK, usable, on_disc)
+    errors = noise.Sources(
+        np.full((cells, 3), 0.01), np.zeros(cells), modes, np.zeros((cells, 0)), 0.004, noise.BLACK, usable, on_disc
+    )
     every = errors.errors(bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3)))
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
@@ -146,3 +155,23 @@ def test_a_linear_file_knows_its_black_by_its_brightest_value():
     linear = noise.black_error(value, usable, "linear")
     assert linear == 0.5 * noise.BLACK_LINEAR  # what is overexposed says nothing
     assert noise.black_error(1e-5 * value, usable, "linear") == pytest.approx(1e-5 * linear)
+
+
+def test_an_uneven_limb_makes_broad_errors_of_the_light_alike_in_all_channels():
+    position, offset = disc()
+    on_disc = np.hypot(*position.T) < 0.9
+    broad = noise.broad_modes(position, on_disc)
+    apart = np.linalg.norm(position[on_disc][:, None] - position[on_disc], axis=-1)
+    wanted = np.exp(-0.5 * (apart / noise.BROAD) ** 2)
+    wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
+    assert np.abs(broad[on_disc] @ broad[on_disc].T - wanted).max() < 0.03
+    assert not broad[~on_disc].any()
+    cells = len(position)
+    made = noise.Sources(
+        np.full((cells, 3), 0.02), np.zeros(cells), np.zeros((cells, 1)), broad, 0.004, noise.BLACK,
+        np.full((cells, 3), True), np.zeros(cells),
+    ).errors(bright(broad), np.broadcast_to(np.eye(3), (cells, 3, 3)))  # fmt: skip
+    whole = (made.modes * made.amplitudes)[:, made.kinds == 3].reshape(cells, 3, -1)
+    variance = noise.UNEVEN**2 * np.sum(broad**2, axis=1)
+    np.testing.assert_allclose(np.sum(whole[:, 0] * whole[:, 2], axis=1), variance, atol=1e-15)
+    np.testing.assert_allclose(np.sum(whole[:, 1] ** 2, axis=1), (1.0 + noise.COLOURED**2) * variance, atol=1e-15)

@@ -22,6 +22,8 @@ from inverse.shared_errors import (
     places_of,
     shared_modes,
     shared_parts,
+    uneven_modes,
+    unevenness,
 )  # fmt: skip
 
 
@@ -71,6 +73,15 @@ def test_modes_make_the_covariance_between_photographs(shift):
         np.testing.assert_allclose(one.mean(axis=0), 0.0, atol=1e-12)
 
 
+def test_an_uneven_limb_is_the_same_at_the_same_place_of_the_shadow():
+    each = [places(), places((5e-3, -3e-3))]
+    modes = [one[part.on_disc] for one, part in zip(uneven_modes(each), each, strict=True)]
+    between = centred(unevenness(of_disc(each[0]), of_disc(each[1])))
+    assert np.abs(modes[0] @ modes[1].T - between).max() < 0.02
+    alone = noise.broad_modes(each[0].disc, each[0].on_disc)[each[0].on_disc]
+    assert np.abs(modes[0] @ modes[0].T - alone @ alone.T).max() < 0.03
+
+
 def test_places_in_the_shadow_are_where_the_axis_leaves_them():
     where = geometry("2022-11-08T10:30:00Z", 35.0, -110.0)
     line = jnp.array([-0.5, 0.0, 0.5])
@@ -89,7 +100,7 @@ def three():
     found = []
     for count in (24, 30, 27):
         cells = random.uniform(0.5, 2.0, (count // 3, 1, 1)) * np.eye(3)
-        found.append(noise.Errors(cells, random.standard_normal((count, 4 * 3 + 1)), 3, black=1, shared=2))
+        found.append(noise.Errors(cells, random.standard_normal((count, 4 * 3 + 2 + 1)), 3, 2, black=1, shared=2))
     return found
 
 
@@ -99,7 +110,7 @@ def dense(errors):
     found = low @ low.T
     place = 0
     for one in errors:
-        smooth = (one.modes * one.amplitudes)[:, [0, 3, 6, 9, 12]]
+        smooth = (one.modes * one.amplitudes)[:, [0, 3, 6, 9, 14]]
         own = smooth @ smooth.T
         for cell, block in enumerate(one.cells):
             own[3 * cell : 3 * cell + 3, 3 * cell : 3 * cell + 3] += block
@@ -110,7 +121,7 @@ def dense(errors):
 
 
 def shared_of(one):
-    return (one.modes * one.amplitudes)[:, [1, 2, 4, 5, 7, 8, 10, 11]]
+    return (one.modes * one.amplitudes)[:, [1, 2, 4, 5, 7, 8, 10, 11, 12, 13]]
 
 
 def test_whitened_residuals_have_the_products_of_the_whole_covariance():
@@ -160,8 +171,8 @@ def test_many_photographs_know_no_more_of_what_looks_like_their_common_error():
         smooth = noise.modes_of(where.disc, np.linalg.norm(where.shadow, axis=1), where.on_disc, known)
         usable = np.ones((count, 3), dtype=bool)
         sources = noise.Sources(
-            np.full((count, 3), 0.01), np.full(count, 0.03), smooth, 0.01, 1e-3, usable, where.on_disc,
-            0 if known is None else known.shape[1],
+            np.full((count, 3), 0.01), np.full(count, 0.03), smooth, np.zeros((count, 0)), 0.01, 1e-3, usable,
+            where.on_disc, 0 if known is None else known.shape[1],
         )  # fmt: skip
         return sources.errors(np.full((count, 3), 0.3), response)
 

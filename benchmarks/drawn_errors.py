@@ -20,7 +20,7 @@ SURVIVING = 0.82  # of the independent errors of patches, once the picture is bl
 
 
 @dataclass(frozen=True)
-class Seen:
+class Located:
     """Where the pixels of a photograph lie, (row, column) each.
 
     - `right`, `up`: on its disc [radii]; `east`, `north`: the same by the sky.
@@ -34,7 +34,7 @@ class Seen:
     shadow: tuple[np.ndarray, np.ndarray]
 
 
-def _field(random: np.random.Generator, correlation) -> np.ndarray:
+def field(random: np.random.Generator, correlation) -> np.ndarray:
     """A Gaussian field of variance 1 on a grid that closes on itself, by its spectrum.
 
     - `correlation`: of a distance [radii].
@@ -45,7 +45,7 @@ def _field(random: np.random.Generator, correlation) -> np.ndarray:
     return np.fft.irfft2(white * np.sqrt(np.maximum(spectrum, 0.0)), s=(SIDE, SIDE))
 
 
-def _rough(distance: np.ndarray) -> np.ndarray:
+def rough(distance: np.ndarray) -> np.ndarray:
     return np.exp(-distance / noise.LENGTH)
 
 
@@ -53,7 +53,7 @@ def _broad(distance: np.ndarray) -> np.ndarray:
     return np.exp(-0.5 * np.square(distance / noise.BROAD))
 
 
-def _at(field: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def at(field: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Of a field, at places [radii]."""
     return map_coordinates(field, [y / STEP % SIDE, x / STEP % SIDE], order=1, mode="grid-wrap")
 
@@ -63,12 +63,12 @@ class _Smooth:
 
     def __init__(self, random: np.random.Generator):
         kernel = np.exp(-np.abs(RINGS[:, None] - RINGS) / noise.RADIAL)
-        self.of_shadow, self.of_moon = _field(random, _rough), _field(random, _rough)
+        self.of_shadow, self.of_moon = field(random, rough), field(random, rough)
         self.of_offset = np.linalg.cholesky(kernel + 1e-9 * np.eye(RINGS.size)) @ random.standard_normal(RINGS.size)
 
-    def __call__(self, seen: Seen) -> np.ndarray:
-        limb = _at(self.of_shadow, *(axis / MOON for axis in seen.shadow))
-        moon = _at(self.of_moon, seen.east, seen.north)
+    def __call__(self, seen: Located) -> np.ndarray:
+        limb = at(self.of_shadow, *(axis / MOON for axis in seen.shadow))
+        moon = at(self.of_moon, seen.east, seen.north)
         of_offset = np.interp(np.hypot(*seen.shadow), RINGS, self.of_offset)
         over_disc = np.sqrt(OF_THE_LIMB) * limb + np.sqrt(1.0 - OF_THE_LIMB) * moon
         return np.sqrt(0.5) * (over_disc + of_offset)
@@ -81,16 +81,16 @@ class DrawnErrors:
         sizes = np.exp(CENTRES + WIDTHS * random.standard_normal(len(CENTRES)))
         _, self.common, self.chromatic, self.uneven = sizes
         self.smooth = [_Smooth(random) for _ in range(4)]
-        self.broad = [_field(random, _broad) for _ in range(4)]
+        self.broad = [field(random, _broad) for _ in range(4)]
 
-    def of(self, random: np.random.Generator, seen: Seen) -> np.ndarray:
+    def of(self, random: np.random.Generator, seen: Located) -> np.ndarray:
         """Errors of the log light of one photograph (row, column, 3)."""
         own = [_Smooth(random) for _ in range(4)]
         together, *each = (
             np.sqrt(SHARED) * shared(seen) + np.sqrt(1.0 - SHARED) * alone(seen)
             for shared, alone in zip(self.smooth, own, strict=True)
         )
-        broad, *coloured = (_at(field, *(axis / MOON for axis in seen.shadow)) for field in self.broad)
+        broad, *coloured = (at(field, *(axis / MOON for axis in seen.shadow)) for field in self.broad)
         alike = self.common * together + self.uneven * broad
         found = [
             alike + self.chromatic * smooth + noise.COLOURED * self.uneven * colour
@@ -99,7 +99,7 @@ class DrawnErrors:
         return np.stack(found, axis=-1) + _patches(random, seen) / SURVIVING
 
 
-def _patches(random: np.random.Generator, seen: Seen) -> np.ndarray:
+def _patches(random: np.random.Generator, seen: Located) -> np.ndarray:
     """Independent errors of every patch (row, column, 3)."""
     patch = np.floor(np.stack([seen.up, seen.right]) * CELLS_PER_RADIUS).astype(int)
     patch -= patch.min(axis=(1, 2), keepdims=True)

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from scipy.signal import fftconvolve
 
-from benchmarks.drawn_errors import DrawnErrors, Seen
+from benchmarks.drawn_errors import DrawnErrors, Located
 from eclipsejax.almanac import Eclipse, eclipses
 from eclipsejax.atmosphere import Atmosphere, Clouds
 from eclipsejax.camera import Camera, sky_plane
@@ -152,8 +152,8 @@ def recorded(
     right, up = _positions(row, column, radius)
     east, north = up * np.sin(roll) - right * np.cos(roll), up * np.cos(roll) + right * np.sin(roll)
     east_of_axis, north_of_axis = (np.asarray(axis) for axis in _shadow(scene))
-    seen = Seen(right, up, east, north, (east_of_axis, north_of_axis))
-    light = light * np.exp((errors or DrawnErrors(random)).of(random, seen))
+    located = Located(right, up, east, north, (east_of_axis, north_of_axis))
+    light = light * np.exp((errors or DrawnErrors(random)).of(random, located))
     on_disc = np.hypot(right, up) < 0.95
     light = _exposed(wrong.light(light, radius), nuisance, on_disc, radius)
     sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import judged
+from benchmarks.drawn_errors import DrawnErrors, Located, at, field, rough
 from benchmarks.drawn_photograph import FULL
 from benchmarks.drawn_series import draw_series
-from benchmarks.series_2015 import floor_of, misfits
+from benchmarks.series_2015 import part_of, told
+from benchmarks.shared_misfits import Seen, beside_offset, beside_shadow, rms, variances
 from inverse.photo import read_photo
 from inverse.result import PhotoFit
+from inverse.shared_errors import MOON
 
 
 def row(truth, median, sd):
@@ -28,24 +31,91 @@ def test_the_floor_is_what_no_smooth_function_of_the_offset_can_take():
     random = np.random.default_rng(0)
     offset = random.uniform(0.0, 0.012, 2000)
     smooth = -8.0 + 500.0 * offset - np.exp(-offset / 3e-3)
-    assert np.abs(floor_of(offset, smooth)).max() < 2e-3
+    assert np.abs(beside_offset(offset, smooth)).max() < 2e-3
     rough = 0.1 * random.standard_normal(2000)
-    left = floor_of(offset, smooth + rough)
+    left = beside_offset(offset, smooth + rough)
     assert left.std() == pytest.approx(0.1, rel=0.03) and np.corrcoef(left, rough)[0, 1] > 0.99
+
+
+def disc_in_shadow(centre, light):
+    """Cells of a disc whose centre lies in the shadow [rad]; `light`: of places in the shadow."""
+    line = np.arange(-0.95, 0.96, 0.1)
+    moon = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    moon = moon[np.hypot(*moon.T) < 0.95]
+    shadow = MOON * moon + np.array(centre)
+    return Seen(shadow, moon, light(shadow, moon))
+
+
+CENTRES = ((7e-3, 2e-3), (6e-3, -1e-3), (4e-3, 3e-3), (3e-3, 5e-3))
+
+
+def test_an_uneven_limb_is_a_function_of_the_place_in_the_shadow():
+    def light(shadow, moon):
+        angle, offset = np.arctan2(*shadow.T), np.linalg.norm(shadow, axis=1)
+        return 400.0 * offset + 0.4 * np.sin(3.0 * angle) * offset / 8e-3
+
+    each = [disc_in_shadow(centre, light) for centre in CENTRES]
+    even = rms(np.concatenate([beside_offset(one.offset, one.log_light) for one in each]))
+    assert even > 0.08 and rms(beside_shadow(each)) < 0.15 * even
+    noisy = [
+        Seen(one.shadow, one.moon, one.log_light + 0.1 * np.random.default_rng(i).standard_normal(len(one.moon)))
+        for i, one in enumerate(each)
+    ]
+    assert rms(beside_shadow(noisy)) == pytest.approx(0.1, rel=0.1)
+
+
+def test_variances_are_told_apart_by_place():
+    """Of fields drawn over the shadow and over the Moon, mean of several."""
+    found = []
+    for seed in range(24):
+        random = np.random.default_rng(seed)
+        limb, relief = field(random, rough), field(random, rough)
+
+        def light(shadow, moon, limb=limb, relief=relief):
+            return 0.3 * at(limb, *(shadow.T / MOON)) + 0.2 * at(relief, *moon.T)
+
+        found.append(variances([disc_in_shadow(centre, light) for centre in CENTRES]))
+    assert np.mean([one["between"]["shadow"] for one in found]) == pytest.approx(0.09, rel=0.3)
+    assert np.mean([one["between"]["moon"] for one in found]) == pytest.approx(0.04, abs=0.02)
+    assert np.mean([one["within"]["all"] for one in found]) == pytest.approx(0.13, rel=0.25)
 
 
 def test_cells_of_little_signal_are_left_out_of_a_misfit():
     count = 400
-    offset, light = np.linspace(0.0, 0.01, count), np.ones((count, 3))
+    offset, light = np.linspace(1e-4, 0.01, count), np.ones((count, 3))
     sigma = np.where(np.arange(count) < 100, 0.2, 0.05)[:, None] * [1.0, 1.0, 4.0]
     photo = PhotoFit(
         "a.jpg", "2015-09-28T02:00:00Z", None, offset, np.ones(count, dtype=bool), np.ones((count, 3), dtype=bool),
         light, light * [1.0, np.exp(0.2), 1.0], sigma, np.ones(count), light[None],
+        shadow=np.stack([offset, np.zeros(count)], axis=1), shared=light * [0.0, -0.15, 0.0],
     )  # fmt: skip
-    found = misfits(photo)
-    assert set(found) == {"red", "green"} and found["red"]["cells"] == 300
-    assert found["red"]["misfit"] == 0.0 and found["green"]["misfit"] == pytest.approx(0.2)
-    assert found["green"]["floor"] < 1e-9  # what is the same everywhere is smooth
+    assert part_of(photo, 2) is None
+    red, green = part_of(photo, 0), part_of(photo, 1)
+    assert red is not None and green is not None
+    assert told([red])["cells"] == 300 and told([red])["misfit"] == 0.0
+    assert told([green])["misfit"] == pytest.approx(0.2) and told([green])["uneven misfit"] == pytest.approx(0.05)
+    assert told([green])["floor"] < 1e-9  # what is the same everywhere is smooth
+
+
+def test_errors_of_a_series_are_the_same_at_the_same_place_but_for_each_one_s_own():
+    """Drawn for two photographs of the same moment, and for one of another: within a quarter of what is stated."""
+    together, apart, alone = [], [], []
+    row, column = np.indices((60, 60)) / 30.0 - 1.0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        errors = DrawnErrors(random)
+        size = errors.common**2 + errors.uneven**2
+
+        def of(shift, errors=errors, random=random):
+            shadow = (MOON * column + shift, MOON * row)
+            found = errors.of(random, Located(column, row, column, row, shadow)).mean(axis=-1)
+            return found
+
+        first, second, third = of(8e-3), of(8e-3), of(40e-3)
+        alone.append(np.mean(first**2) / size)
+        together.append(np.mean(first * second) / size)
+        apart.append(np.mean(first * third) / size)
+    assert np.mean(together) > 0.6 * np.mean(alone) and abs(np.mean(apart)) < 0.35 * np.mean(alone)
 
 
 @pytest.mark.slow

@@ -51,7 +51,8 @@ def fit_atmosphere(
 
     The optimum is over the limb and every nuisance of each photograph (exposure, white balance, tone curve, glare,
     pointing, clock), the best of those from several starts (`inverse.optimum`); photographs of one camera share its
-    tone curve, white balance, sensitivity and clock. The posterior is over the limb, with the nuisances at their best
+    tone curve, white balance, sensitivity and clock, and those of one eclipse what the model misses of limb and map
+    (`inverse.shared_errors`). The posterior is over the limb, with the nuisances at their best
     under each (`inverse.posterior`): by importance weights where they can be trusted, otherwise sampled
     (`inverse.answer`).
     Priors: `inverse.prior`. Errors: `inverse.noise`, as large as the photographs say (`inverse.noise_fit`). Raises

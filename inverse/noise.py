@@ -155,7 +155,7 @@ def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
     """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
 
     Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
-    2015, by 30 % over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
+    2015, by a fifth over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
 
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """

@@ -46,6 +46,7 @@ def field(random: np.random.Generator, correlation) -> np.ndarray:
 
 
 def rough(distance: np.ndarray) -> np.ndarray:
+    """Correlation of smooth errors at a distance [radii]."""
     return np.exp(-distance / noise.LENGTH)
 
 

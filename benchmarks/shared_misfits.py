@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import make_lsq_spline
 from scipy.spatial.distance import cdist
 
-from inverse.noise import LENGTH
+from inverse.noise import LENGTH, centred
 from inverse.shared_errors import MOON
 
 KNOTS = 8  # of the smooth function of the offset
@@ -89,8 +89,8 @@ def variances(misfits: Sequence[Seen]) -> dict[str, dict[str, float]]:
     inside, square = 0.0, 0.0
     for number, (shadow, moon, value) in enumerate(chosen):
         for other, (farther, beyond, product) in enumerate(chosen):
-            kernels = [_centred(np.exp(-cdist(*pair) / LENGTH)).ravel() for pair in ((shadow, farther), (moon, beyond))]
-            products = _centred(np.outer(value, product)).ravel()
+            kernels = [centred(np.exp(-cdist(*pair) / LENGTH)).ravel() for pair in ((shadow, farther), (moon, beyond))]
+            products = centred(np.outer(value, product)).ravel()
             if number == other:
                 inside, square = inside + kernels[0] @ products, square + kernels[0] @ kernels[0]
             else:
@@ -98,7 +98,3 @@ def variances(misfits: Sequence[Seen]) -> dict[str, dict[str, float]]:
                 gram, right = gram + columns @ columns.T, right + columns @ products
     shadow, moon = np.linalg.solve(gram, right)
     return {"between": {"shadow": float(shadow), "moon": float(moon)}, "within": {"all": float(inside / square)}}
-
-
-def _centred(matrix: np.ndarray) -> np.ndarray:
-    return matrix - matrix.mean(axis=0) - matrix.mean(axis=1)[:, None] + matrix.mean()

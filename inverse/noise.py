@@ -142,13 +142,8 @@ def smooth_modes(position: np.ndarray, offset: np.ndarray, shared: np.ndarray | 
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     farther = np.abs(offset[:, None] - offset)
     covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
-    last = len(position) - 1
-    # Of the mean over the disc it says nothing: the exposure is free to meet it, and else meets it no more.
-    covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
-    if shared is not None:
-        covariance = covariance - shared @ shared.T
-    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - MODES), last))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    covariance = centred(covariance)
+    return largest_modes(covariance if shared is None else covariance - shared @ shared.T, MODES)
 
 
 def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
@@ -160,13 +155,25 @@ def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """
     apart = cdist(position[on_disc], position[on_disc])
-    covariance = np.exp(-0.5 * np.square(apart / BROAD))
-    covariance = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
-    last = len(covariance) - 1
-    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - BROAD_MODES), last))
-    modes = np.zeros((on_disc.size, values.size))
-    modes[on_disc] = vectors * np.sqrt(np.maximum(values, 0.0))
+    found = largest_modes(centred(np.exp(-0.5 * np.square(apart / BROAD))), BROAD_MODES)
+    modes = np.zeros((on_disc.size, found.shape[1]))
+    modes[on_disc] = found
     return modes
+
+
+def centred(covariance: np.ndarray) -> np.ndarray:
+    """The same of what is left where means are taken away, of rows and of columns.
+
+    Of the mean over the disc errors say nothing: the exposure is free to meet it, and else meets it no more.
+    """
+    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+
+
+def largest_modes(covariance: np.ndarray, most: int) -> np.ndarray:
+    """L of a covariance (cell, cell), of no more than so many modes (cell, mode)."""
+    last = len(covariance) - 1
+    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - most), last))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def sky_modes(position: np.ndarray) -> np.ndarray:

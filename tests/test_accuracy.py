@@ -108,8 +108,7 @@ def test_errors_of_a_series_are_the_same_at_the_same_place_but_for_each_one_s_ow
 
         def of(shift, errors=errors, random=random):
             shadow = (MOON * column + shift, MOON * row)
-            found = errors.of(random, Located(column, row, column, row, shadow)).mean(axis=-1)
-            return found
+            return errors.of(random, Located(column, row, column, row, shadow)).mean(axis=-1)
 
         first, second, third = of(8e-3), of(8e-3), of(40e-3)
         alone.append(np.mean(first**2) / size)

@@ -73,6 +73,7 @@ def row_of(number: int, fit, truth: Mapping[str, float]) -> dict:
         "converged": told["converged"],
         "k_hat": (told["psis"] or {}).get("k_hat"),
         "p": told["misfit_checks"][0]["p"],
+        "errors": told["errors"],
         "seconds": told["seconds"],
     }
 

@@ -204,4 +204,4 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
         for number, one in enumerate(likelihood.errors)
     )
     draws = int(numbers["draws"])
-    return optimum, replace(likelihood, errors=fitted), None if draws < 0 else draws
+    return optimum, likelihood.with_errors(fitted), None if draws < 0 else draws

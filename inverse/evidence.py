@@ -180,7 +180,7 @@ def _placed(
 def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
     exposures = log_exposures([item.photo for item in evidence])
-    models, data, sources, values = [], [], [], []
+    models, known, sources, values = [], [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
         if isinstance(item.photo, Profile):
             usable = np.isfinite(item.photo.value)
@@ -203,17 +203,18 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         models.append(eqx.tree_at(of_camera, model, tuple(real(value) for value in stated)))
         scale = np.maximum(value, 0.0) + floor
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
-        data.append(observed(np.log(scale), usable, limit, on_disc))
-        pixels = np.where(usable, sigma / scale, data[-1].sigma.reshape(usable.shape))
+        pixels = np.where(usable, sigma / scale, 1.0)
         smooth, broad = noise.modes_of(position, offset, on_disc), np.zeros((on_disc.size, 0))
         if item.cells is not None:
             broad = noise.broad_modes(position, on_disc)
         black = noise.black_error(value, usable, item.photo.tone_curve)
         sources.append(noise.Sources(pixels, relief, smooth, broad, floor, black, usable, on_disc))
         values.append(value)
+        known.append((np.log(scale), usable, limit))
     sources = _sharing(sources, models, evidence)
     each = zip(sources, models, values, strict=True)
     errors = [one.errors(value, response(model, value)) for one, model, value in each]
+    data = [observed(*item, error=one.whole) for item, one in zip(known, errors, strict=True)]
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
     shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]

@@ -102,7 +102,12 @@ class Likelihood:
             sources.errors(*(np.asarray(part) for part in response(model, table, jnp.asarray(z[place]))))
             for sources, model, place in zip(self.sources, self.models, self.places, strict=True)
         ]
-        return replace(self, errors=tuple(errors), carried_at=z)
+        return replace(self.with_errors(errors), carried_at=z)
+
+    def with_errors(self, errors: Sequence[Errors]) -> "Likelihood":
+        """The same with other errors, of measurements and at limits."""
+        observed = [one.with_error(each.whole) for one, each in zip(self.observed, errors, strict=True)]
+        return replace(self, errors=tuple(errors), observed=tuple(observed))
 
     def _each(self):
         return zip(self.models, self.observed, self.places, strict=True)

@@ -12,7 +12,7 @@ two thin matrix products. How large s, a, c and u are, the photograph says itsel
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,8 @@ class Errors:
     - `outlying`: by what D is larger where a value belongs to no model: a star, a hot pixel (datum,).
     - `shared`: how many of A's modes, the last ones, it has in common with other photographs of a series, and as many
       of each channel's (`inverse.shared_errors`); where there are any, all of U's as well.
+    - `variances`: of every datum, one of which no more than a limit is known included, by what makes them: D, A, C and
+      U, of amplitude 1 (kind, datum).
     """
 
     cells: np.ndarray
@@ -64,6 +66,7 @@ class Errors:
     uneven: float = UNEVEN
     outlying: np.ndarray | float = 1.0
     shared: int = 0
+    variances: np.ndarray = field(default_factory=lambda: np.zeros((4, 1)))
 
     @cached_property
     def sigma(self) -> np.ndarray:
@@ -74,6 +77,12 @@ class Errors:
     def scale(self) -> np.ndarray:
         """Standard deviation of the errors of each cell by itself (datum,)."""
         return self.independent * self.sigma * np.sqrt(self.outlying)
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Standard deviation of all errors of each datum together, limits included (datum,)."""
+        size = np.array([self.independent, self.smooth, self.chromatic, self.uneven])
+        return np.sqrt(size**2 @ self.variances)
 
     @property
     def amplitudes(self) -> np.ndarray:
@@ -261,6 +270,7 @@ class Sources:
         - `value`: decoded (cell, 3) [full scale].
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         """
+        variances = self._variances(value, response)
         response = np.where(self.usable[..., None], response, 0.0)
         alike, by_channel = response.sum(axis=2), np.moveaxis(response, 2, 0)
         smooth = _of_values([alike, *by_channel], self.smooth)
@@ -273,7 +283,16 @@ class Sources:
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
         black = black_modes(value, self.floor, self.usable, self.black)
         modes, counts = np.concatenate([smooth, broad, black], axis=1), (broad.shape[1], black.shape[1])
-        return Errors(cells, modes, self.smooth.shape[1], *counts, shared=self.shared)
+        return Errors(cells, modes, self.smooth.shape[1], *counts, shared=self.shared, variances=variances)
+
+    def _variances(self, value: np.ndarray, response: np.ndarray) -> np.ndarray:
+        """`Errors.variances`."""
+        alike, each = np.square(response.sum(axis=2)), np.square(response).sum(axis=2)
+        black = self.black / (np.maximum(value, 0.0) + self.floor)
+        alone = self.relief[:, None] ** 2 * alike + TINT**2 * each + black**2
+        on_disc = self.on_disc[:, None]
+        kinds = [alone, on_disc * alike, on_disc * each, on_disc * (alike + COLOURED**2 * each)]
+        return np.stack(kinds).reshape(len(kinds), -1)
 
 
 def _of_values(responses: Sequence[np.ndarray], modes: np.ndarray) -> np.ndarray:

@@ -15,10 +15,8 @@ from jaxtyping import Array, Float
 from inverse import noise
 from inverse.cells import CELLS_PER_RADIUS
 
-# Relative error of the model where it meets a limit: on the disc, and of the sky beside it.
-ERROR_ON_DISC = float(np.hypot(noise.COMMON, noise.CHROMATIC))
-ERROR_OF_SKY = noise.SKY
-# These errors are the same for neighbours: all cells within a correlation length know of a limit as much as one does.
+LEAST_ERROR = noise.RELIEF  # of the model where it meets a limit
+# Its errors are the same for neighbours: all cells within a correlation length know of a limit as much as one does.
 SHARE = (1.0 / CELLS_PER_RADIUS / noise.LENGTH) ** 2
 KEPT = 8.0  # errors: from here on a limit is kept, to the last digit
 
@@ -29,7 +27,7 @@ class Observed(eqx.Module):
     - `value`: measured, or the limit (datum,).
     - `measured`: 1 where it counts as a measurement, else 0 (datum,).
     - `limit`: 1 where it is a lower limit, -1 where an upper one, else 0 (datum,).
-    - `error`: standard deviation of the model's error where there is a limit (datum,).
+    - `error`: standard deviation of the model's error, which counts where there is a limit (datum,).
     """
 
     value: Float[Array, " datum"]
@@ -38,22 +36,22 @@ class Observed(eqx.Module):
     error: Float[Array, " datum"]
 
     def misfit(self, predicted: Float[Array, " datum"]) -> Float[Array, " datum"]:
-        """Data minus model (datum,), and 0 where nothing is known; as large as they cost where there are limits.
-
-        To be divided by `noise`'s sigma for limits, whose square is `error`^2 / `SHARE`.
-        """
+        """Data minus model, 0 where nothing is known, and the root of what they cost where there are limits (datum,)."""
         missed = self.value - predicted
         above = jnp.minimum(-self.limit * missed / self.error, KEPT)
-        broken = self.limit * self.error * jnp.sqrt(-2.0 * log_ndtr(above))
+        broken = self.limit * jnp.sqrt(-2.0 * SHARE * log_ndtr(above))
         return jnp.where(self.limit == 0, self.measured * missed, broken)
 
-    @property
-    def sigma(self) -> np.ndarray:
-        """What misfits at limits are to be divided by; 1 elsewhere (datum,)."""
-        return np.where(np.asarray(self.limit) == 0, 1.0, np.asarray(self.error) / np.sqrt(SHARE))
+    def with_error(self, error: np.ndarray) -> "Observed":
+        """The same with another `error` (datum,), or as much as there is at least."""
+        error = np.maximum(error, LEAST_ERROR) * np.ones(self.value.shape)
+        return Observed(self.value, self.measured, self.limit, jnp.asarray(error))
 
 
-def observed(value: np.ndarray, usable: np.ndarray, limit: np.ndarray, on_disc: np.ndarray) -> Observed:
-    """From log values (cell, 3), of which `usable` are measured and `limit` say what else is known (cell, 3)."""
-    error = np.where(on_disc, ERROR_ON_DISC, ERROR_OF_SKY)[:, None] * np.ones(value.shape)
-    return Observed(*(jnp.asarray(array.ravel(), dtype=float) for array in (value, usable, limit, error)))
+def observed(value: np.ndarray, usable: np.ndarray, limit: np.ndarray, error: np.ndarray) -> Observed:
+    """From log values (cell, 3), of which `usable` are measured and `limit` say what else is known (cell, 3).
+
+    - `error`: as of `Observed`.
+    """
+    known = (jnp.asarray(array.ravel(), dtype=float) for array in (value, usable, limit))
+    return Observed(*known, error=jnp.zeros(value.size)).with_error(error)

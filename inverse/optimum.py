@@ -87,10 +87,10 @@ def _with_errors(likelihood: Likelihood, end: Optimum, neighbours: Sequence[np.n
     """The likelihood with the errors that an end carries, as large as its misfits say."""
     likelihood = likelihood.carried(end.z)
     each = zip(likelihood.errors, likelihood.misfits_and_slopes(end.z), likelihood.observed, neighbours, strict=True)
-    return replace(likelihood, errors=tuple(
+    return likelihood.with_errors([
         fitted_errors(errors, misfit, slopes, np.asarray(observed.measured), around)
         for errors, (misfit, slopes), observed, around in each
-    ))  # fmt: skip
+    ])  # fmt: skip
 
 
 def starts(likelihood: Likelihood) -> list[np.ndarray]:

@@ -145,6 +145,9 @@ class Erring:
     def carried(self, z):
         return replace(self, carried_at=z)
 
+    def with_errors(self, errors):
+        return replace(self, errors=errors)
+
 
 def test_a_beginning_comes_back_from_numbers():
     rivals = tuple(Optimum(np.full(3, x), 2.5, True, 5, (x + 2.0) * np.eye(3), ()) for x in (-1.0, 1.0))

@@ -1,5 +1,7 @@
 """Whitening is C^(-1/2), and the smooth errors have the covariance they claim."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -132,6 +134,25 @@ def test_what_the_modes_leave_is_independent():
     whole = noise.COMMON**2 + noise.CHROMATIC**2 + noise.TINT**2 + 0.01**2
     np.testing.assert_allclose(both[on_disc], whole, rtol=1e-6)
     np.testing.assert_allclose(both[~on_disc], noise.TINT**2 + 0.01**2, rtol=1e-6)
+
+
+def test_the_whole_error_is_that_of_the_modes_and_of_a_limit_too():
+    """By draws of the light's errors, through a matrix; a value that is no measurement errs as much as one that is."""
+    position, offset = disc()
+    cells, random = len(position), np.random.default_rng(8)
+    on_disc, usable = np.arange(cells) < cells - 20, random.uniform(size=(cells, 3)) > 0.3
+    response = np.broadcast_to([[1.5, -0.4, 0.0], [0.0, 0.8, 0.1], [-2.0, 0.3, 2.5]], (cells, 3, 3))
+    made = noise.Sources(
+        np.full((cells, 3), 0.02), np.full(cells, 0.05), noise.smooth_modes(position, offset),
+        np.zeros((cells, 0)), 0.004, noise.BLACK, usable, on_disc,
+    ).errors(np.full((cells, 3), 0.5), response)  # fmt: skip
+    found = replace(made, independent=2.0, smooth=0.2, chromatic=0.1, uneven=0.3).whole.reshape(cells, 3)
+    alike, each = random.standard_normal((2, 1, 200_000)), random.standard_normal((3, 3, 200_000))
+    own = 2.0 * (0.05 * alike[0] + noise.TINT * each[0])
+    limb = 0.2 * random.standard_normal(200_000) + 0.1 * each[1] + 0.3 * (alike[1] + noise.COLOURED * each[2])
+    for light, where in ((own + limb, on_disc), (own, ~on_disc)):
+        wanted = (response[0] @ light).std(axis=1)
+        np.testing.assert_allclose(found[where], np.broadcast_to(wanted, found[where].shape), rtol=0.02)
 
 
 def test_errors_near_black_are_those_of_a_curve_for_each_channel():

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from inverse.observed import ERROR_ON_DISC, SHARE, observed
+from inverse.observed import LEAST_ERROR, SHARE, observed
+
+ERROR = 0.1
 
 
 def cells(limit, value=0.0, usable=False):
     one = np.full((1, 3), value)
-    return observed(one, np.full((1, 3), usable), np.full((1, 3), float(limit)), np.array([True]))
+    return observed(one, np.full((1, 3), usable), np.full((1, 3), float(limit)), np.array(ERROR))
 
 
 @pytest.mark.parametrize("limit", [1, -1])
@@ -19,8 +21,8 @@ def test_the_cost_is_that_of_censored_data(limit):
     """Tobin 1958: twice minus the logarithm of the chance to be beyond the limit."""
     data = cells(limit, value=-0.7)
     for errors in (-5.0, -1.0, 0.0, 0.5, 3.0):  # above the limit
-        predicted = -0.7 + errors * ERROR_ON_DISC
-        cost = np.square(np.asarray(data.misfit(jnp.full(3, predicted))) / data.sigma) / SHARE
+        predicted = -0.7 + errors * ERROR
+        cost = np.square(np.asarray(data.misfit(jnp.full(3, predicted)))) / SHARE
         np.testing.assert_allclose(cost, -2.0 * norm.logcdf(limit * errors), rtol=1e-6)
 
 
@@ -29,15 +31,24 @@ def test_a_limit_far_away_says_nothing_and_one_far_broken_is_a_measurement():
     misfit = lambda predicted: data.misfit(jnp.full(3, predicted))[0]
     for kept in (2.0, 5.0, 1e3):
         assert abs(float(misfit(kept))) < 1e-8 and float(jax.grad(misfit)(kept)) == pytest.approx(0.0, abs=1e-8)
-    assert float(misfit(-8.0)) == pytest.approx(8.0, rel=2e-3)
-    assert float(jax.grad(misfit)(-8.0)) == pytest.approx(-1.0, rel=2e-3)
+    a_measurement = np.sqrt(SHARE) / ERROR
+    assert float(misfit(-8.0)) == pytest.approx(8.0 * a_measurement, rel=2e-3)
+    assert float(jax.grad(misfit)(-8.0)) == pytest.approx(-a_measurement, rel=2e-3)
+
+
+def test_a_limit_is_worth_less_where_the_model_errs_more_and_is_never_without_error():
+    data = cells(-1, value=0.0)
+    cost = lambda error: np.square(data.with_error(np.full(3, error)).misfit(jnp.full(3, 0.4))[0]) / SHARE
+    assert cost(0.8) == pytest.approx(-2.0 * norm.logcdf(-0.5), rel=1e-6)
+    assert cost(0.1) > 5.0 * cost(0.8)
+    assert cost(0.0) == pytest.approx(float(cost(LEAST_ERROR)))
 
 
 @pytest.mark.parametrize("limit", [1, -1])
 def test_slopes_agree_with_differences(limit):
     data = cells(limit, value=0.2)
     misfit = lambda predicted: data.misfit(jnp.full(3, predicted))[1]
-    for predicted in (-0.5, 0.1, 0.2, 0.35, 0.8):
+    for predicted in (-0.35, 0.1, 0.2, 0.35, 0.8):
         difference = (misfit(predicted + 1e-5) - misfit(predicted - 1e-5)) / 2e-5
         assert float(jax.grad(misfit)(predicted)) == pytest.approx(float(difference), rel=1e-5, abs=1e-7)
 

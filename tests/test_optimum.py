@@ -39,6 +39,9 @@ class TwoEnds:
     def carried(self, z):
         return replace(self, carried_at=z)
 
+    def with_errors(self, errors):
+        return replace(self, errors=tuple(errors))
+
     @property
     def whitener(self):
         return joint_whitener(self.errors)

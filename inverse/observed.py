@@ -36,7 +36,7 @@ class Observed(eqx.Module):
     error: Float[Array, " datum"]
 
     def misfit(self, predicted: Float[Array, " datum"]) -> Float[Array, " datum"]:
-        """Data minus model, 0 where nothing is known, and the root of what they cost where there are limits (datum,)."""
+        """Data minus model, 0 where nothing is known, and roots of what limits cost where they are broken (datum,)."""
         missed = self.value - predicted
         above = jnp.minimum(-self.limit * missed / self.error, KEPT)
         broken = self.limit * jnp.sqrt(-2.0 * SHARE * log_ndtr(above))

@@ -1,15 +1,15 @@
 """The Canon series of 2015-09-28: do its photographs agree, and how near to them does the model come?
 
-    python -m benchmarks.series_2015                # a quarter of an hour; wants the photographs (`inverse.catalogue`)
-    python -m benchmarks.series_2015 --draws 0      # by Laplace's approximation alone
+    python -m benchmarks.series_2015                # wants the photographs (`inverse.catalogue`)
+    python -m benchmarks.series_2015 --draws 0      # all of them by Laplace's approximation: a quarter of an hour
 
-All 18 together, and four of totality each by itself: optical depths, and how many standard deviations they are apart.
-Then the misfit of the joint fit, rms of the log brightness over cells of the disc whose noise is below a tenth, beside
-the floor: what is left of the same cells by the best smooth function of the offset from the shadow's axis in each
-photograph and channel, times the model's map of the Moon. And the same of an uneven limb: the misfit less the errors
-that the photographs share, beside the floor where one function of the place in the shadow is taken away from all of
-them. Last, how much of the misfits goes with that place, and how much with the place on the Moon. Writes
-benchmarks/results/series_2015.json.
+All 18 together, and four of totality each by itself, as users get them fitted: optical depths, and how many standard
+deviations they are apart. Then the misfit of the joint fit, rms of the log brightness over cells of the disc whose
+noise is below a tenth, beside the floor: what is left of the same cells by the best smooth function of the offset from
+the shadow's axis in each photograph and channel, times the model's map of the Moon. And the same of an uneven limb: the
+misfit less the errors that the photographs share, beside the floor where one function of the place in the shadow is
+taken away from all of them. Last, how much of the misfits goes with that place, and how much with the place on the
+Moon. Writes benchmarks/results/series_2015.json.
 """
 
 import argparse
@@ -33,7 +33,7 @@ WANTED_RATIO, WANTED_FLOOR, WANTED_APART = 1.25, 0.12, 2.0
 CHANNELS = ("red", "green", "blue")
 
 
-def fitted(entries: list[Entry], draws: int | None) -> Fit:
+def fitted(entries: list[Entry], draws: int | None = None) -> Fit:
     """The fit of some photographs, of one clock."""
     return fit_atmosphere(
         [photograph(entry.file) for entry in entries], time=entries[0].utc, clock=CLOCK, draws=draws
@@ -80,7 +80,7 @@ def log_depth(fit: Fit) -> tuple[float, float]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draws", type=int, metavar="N", help="as of fit_atmosphere")
+    parser.add_argument("--draws", type=int, metavar="N", help="of the fit of all; as of fit_atmosphere")
     options = parser.parse_args()
     session.start()
     entries = [entry for entry in catalogue() if entry.file.startswith(SERIES)]
@@ -88,7 +88,7 @@ def main() -> int:
     fits = {"all": joint}
     for entry in entries:
         if entry.file.removeprefix(SERIES) in SINGLE:
-            fits[entry.file.removeprefix(SERIES)] = fitted([entry], options.draws)
+            fits[entry.file.removeprefix(SERIES)] = fitted([entry])
     depths = {name: log_depth(fit) for name, fit in fits.items()}
     apart = {
         f"{one}, {other}": abs(depths[one][0] - depths[other][0]) / float(np.hypot(depths[one][1], depths[other][1]))

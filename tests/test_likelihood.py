@@ -18,6 +18,7 @@ from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB, places, response
 from inverse.limb_light import shadow_light, shadow_of
 from inverse.map_estimate import quadratic
+from inverse.observed import LEAST_ERROR
 from inverse.photo_model import COLOUR_MATRIX, developed, log_value, signal
 from tests import synthetic
 
@@ -154,6 +155,24 @@ def test_a_cell_that_an_error_made_too_dark_is_not_taken_for_sure(synthetic_like
     too_dark = assumed_camera.response(model, 0.6 * value)
     ratio = np.abs(too_dark).sum(axis=2)[near_black] / np.abs(slopes).sum(axis=2)[near_black]
     assert np.median(ratio) < 0.85
+
+
+def test_limits_err_as_the_limb_does(synthetic_likelihood):
+    """In a limb that is uneven by four fifths what is black in the file says less of light that should not be."""
+    z = np.zeros(len(synthetic_likelihood.parameters))
+    blank = np.asarray(synthetic_likelihood.observed[0].measured) == 0
+    assert blank.any()
+    errors = {}
+    for uneven in (0.01, 0.1, 0.8):
+        carried = synthetic_likelihood.carried(z)
+        made = carried.with_errors([replace(one, uneven=uneven) for one in carried.errors])
+        errors[uneven] = np.asarray(made.observed[0].error)[blank]
+        assert made.errors[0].uneven == uneven and np.array_equal(made.observed[0].limit, carried.observed[0].limit)
+    assert errors[0.01].min() >= LEAST_ERROR
+    on_disc = np.repeat(synthetic_likelihood.sources[0].on_disc, 3)[blank]
+    assert np.max(errors[0.8][on_disc] / errors[0.1][on_disc]) > 3.0
+    assert np.all(errors[0.8][on_disc] >= errors[0.1][on_disc])
+    assert np.array_equal(errors[0.8][~on_disc], errors[0.1][~on_disc])  # the sky has no limb
 
 
 def test_slopes_agree_with_differences(synthetic_likelihood):

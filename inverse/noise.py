@@ -232,8 +232,7 @@ def black_modes(value: np.ndarray, floor: float, usable: np.ndarray, error: floa
     height = np.log(np.maximum(value, 0.0) + floor)
     line = np.linspace(height.min(), height.max(), BLACK_POINTS)
     kernel = np.exp(-np.abs(line[:, None] - line) / np.log(BLACK_REACH))
-    values, vectors = eigh(kernel, subset_by_index=(BLACK_POINTS - BLACK_MODES, BLACK_POINTS - 1))
-    curves = (vectors * np.sqrt(values)).T
+    curves = largest_modes(kernel, BLACK_MODES).T
     each = np.stack([np.interp(height, line, curve) for curve in curves], axis=-1) * usable[..., None]
     each = each * error / np.exp(height)[..., None]
     return (each[:, :, None] * np.eye(value.shape[1])[..., None]).reshape(value.size, -1)

@@ -1,9 +1,9 @@
 """Smooth errors that the photographs of one eclipse share, and what they make of the joint likelihood.
 
 The limb's errors are the same in all photographs at the same place of the shadow, the map's at the same place of the
-Moon. In the series of 2015-09-28 misfits agree between photographs as they do within one, three quarters of it by the
-place in the shadow (python -m benchmarks.series_2015). Drawn anew for each photograph, such errors would average out
-over a series, and make its intervals half as wide.
+Moon. In the series of 2015-09-28 photographs have seven to eight tenths of their misfits' variance in common, most of
+it by the place in the shadow (python -m benchmarks.series_2015). Drawn anew for each photograph, such errors would
+average out over a series, and make its intervals half as wide.
 
 Within a photograph the two places move together, and the errors have the covariance of `noise.smooth_modes`; between
 photographs `SHARED` of it is left where both places are the same. The covariance of all data is what each photograph

@@ -27,6 +27,7 @@ from eclipsejax.traced import derivative_only
 
 _GRID = 24  # points on which a branch is searched for a cut
 _NEWTON = 2
+_TOGETHER = 10  # coefficients
 # The falling branch is cut here: light that thick dust lets pass just below its top is exp(-c u) with c up to 100.
 _FALLS = (0.0, 0.06, 0.2, 1.0)
 
@@ -64,11 +65,21 @@ def branches(table: LimbTable, coefficients, distance, sun_distance) -> Branches
     )
 
 
+def _of_rows(coefficients, panel):
+    """The coefficients of each row, one degree after the other.
+
+    Many of them one by one, so that they need not all be in memory at once: six derivatives at a tolerance of 1e-4 then
+    take half the time. Few of them together: that compiles faster, and takes as long.
+    """
+    together = coefficients.shape[-1] <= _TOGETHER
+    return coefficients.T[:, panel] if together else [one[panel] for one in coefficients.T]
+
+
 @partial(jax.jit, inline=True)  # traced once for each shape, which takes long enough
 def _series(coefficients, panel, u):
     x = 2.0 * u - 1.0
     before, last = jnp.ones_like(x), x
-    first, second, *terms = coefficients.T[:, panel]
+    first, second, *terms = _of_rows(coefficients, panel)
     total = first + second * x
     for term in terms:
         before, last = last, 2.0 * x * last - before
@@ -82,7 +93,7 @@ def _series_slope(coefficients, panel, u):
     row, would fill as much memory again."""
     x = 2.0 * u - 1.0
     before, last = jnp.ones_like(x), 2.0 * x
-    _, first, second, *terms = coefficients.T[:, panel]
+    _, first, second, *terms = _of_rows(coefficients, panel)
     total = 2.0 * first + 4.0 * second * last
     for degree, term in enumerate(terms, start=3):
         before, last = last, 2.0 * x * last - before

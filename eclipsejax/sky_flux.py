@@ -27,7 +27,7 @@ from eclipsejax.traced import derivative_only
 
 _GRID = 24  # points on which a branch is searched for a cut
 _NEWTON = 2
-_TOGETHER = 10  # coefficients
+_TOGETHER = 10  # coefficients of a series that are gathered at once, at most: all those of tolerances from 1e-3 up
 # The falling branch is cut here: light that thick dust lets pass just below its top is exp(-c u) with c up to 100.
 _FALLS = (0.0, 0.06, 0.2, 1.0)
 
@@ -89,8 +89,7 @@ def _series(coefficients, panel, u):
 
 @partial(jax.jit, inline=True)
 def _series_slope(coefficients, panel, u):
-    """Derivative by u, from the very coefficients of the series, T_k' = k U_(k-1): those of its own, gathered for every
-    row, would fill as much memory again."""
+    """Derivative by u, T_k' = k U_(k-1), from the very coefficients of the series: they are gathered already."""
     x = 2.0 * u - 1.0
     before, last = jnp.ones_like(x), 2.0 * x
     _, first, second, *terms = _of_rows(coefficients, panel)

@@ -13,8 +13,7 @@ from scipy.interpolate import BSpline
 ARCMIN = np.radians(1.0 / 60.0)
 WIDTH = 2.0 * ARCMIN  # features narrower than some six times this are washed out
 KNOTS = 1.5 * ARCMIN
-# Between these offsets, that is: farther in every limb focuses light on the axis, farther out the umbra has its edge.
-INNER, OUTER = np.array([3.0, 8.0]) * ARCMIN, np.array([30.0, 38.0]) * ARCMIN
+OUTER = np.array([30.0, 38.0]) * ARCMIN  # as far out as that: then the umbra has its edge
 
 
 def washing(offset: np.ndarray) -> np.ndarray:
@@ -28,7 +27,7 @@ def washing(offset: np.ndarray) -> np.ndarray:
     weight = np.abs(np.gradient(offset))
     away = np.abs(offset)
     smooth = _smoothing(away, np.where(away < OUTER[1], weight, 0.0))
-    share = np.interp(away, [*INNER, *OUTER], [0.0, 1.0, 1.0, 0.0])[:, None]
+    share = np.interp(away, OUTER, [1.0, 0.0])[:, None]
     return share * smooth + (1.0 - share) * np.eye(len(offset))
 
 

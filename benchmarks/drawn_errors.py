@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from inverse import noise
+from inverse import error_modes, noise
 from inverse.cells import CELLS_PER_RADIUS
 from inverse.noise_fit import CENTRES, WIDTHS
 from inverse.shared_errors import MOON, OF_THE_LIMB, SHARED
@@ -47,11 +47,11 @@ def field(random: np.random.Generator, correlation) -> np.ndarray:
 
 def rough(distance: np.ndarray) -> np.ndarray:
     """Correlation of smooth errors at a distance [radii]."""
-    return np.exp(-distance / noise.LENGTH)
+    return np.exp(-distance / error_modes.LENGTH)
 
 
 def _broad(distance: np.ndarray) -> np.ndarray:
-    return np.exp(-0.5 * np.square(distance / noise.BROAD))
+    return np.exp(-0.5 * np.square(distance / error_modes.BROAD))
 
 
 def at(field: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -63,7 +63,7 @@ class _Smooth:
     """Smooth errors of variance 1, of all channels or of one."""
 
     def __init__(self, random: np.random.Generator):
-        kernel = np.exp(-np.abs(RINGS[:, None] - RINGS) / noise.RADIAL)
+        kernel = np.exp(-np.abs(RINGS[:, None] - RINGS) / error_modes.RADIAL)
         self.of_shadow, self.of_moon = field(random, rough), field(random, rough)
         self.of_offset = np.linalg.cholesky(kernel + 1e-9 * np.eye(RINGS.size)) @ random.standard_normal(RINGS.size)
 

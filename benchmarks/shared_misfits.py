@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import make_lsq_spline
 from scipy.spatial.distance import cdist
 
-from inverse.noise import LENGTH, centred
+from inverse.error_modes import LENGTH, centred
 from inverse.shared_errors import MOON
 
 KNOTS = 8  # of the smooth function of the offset

@@ -180,7 +180,8 @@ def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> di
     }
     own = {name: value for name, value in vars(optimum).items() if name != "rivals"}
     return {
-        **own, **ends, **found, "carried_at": likelihood.carried_at, "draws": -1 if draws is None else draws
+        **own, **ends, **found, "carried_at": likelihood.carried_at, "carried_with": likelihood.carried_with,
+        "draws": -1 if draws is None else draws,
     }  # fmt: skip
 
 
@@ -198,7 +199,7 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
     ends = zip(numbers["rivals.z"], numbers["rivals.information"], strict=True)
     rivals = tuple(replace(optimum, z=np.asarray(z), information=np.asarray(wide)) for z, wide in ends)
     optimum = replace(optimum, rivals=rivals)
-    likelihood = likelihood.carried(np.asarray(numbers["carried_at"]))
+    likelihood = likelihood.carried(np.asarray(numbers["carried_at"]), np.asarray(numbers["carried_with"]))
     fitted = tuple(
         replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})
         for number, one in enumerate(likelihood.errors)

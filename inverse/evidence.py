@@ -15,7 +15,7 @@ from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
 from eclipsejax.traced import real
-from inverse import noise, prior
+from inverse import error_modes, noise, prior
 from inverse.assumed_camera import response
 from inverse.cells import Cells, bin_photo
 from inverse.clock_search import correction, later
@@ -30,7 +30,9 @@ from inverse.registration import Registration, oriented, register
 from inverse.shared_errors import places_of, shared_modes, uneven_modes
 from inverse.times import UNKNOWN, check_error, dates_of, is_searched, of_one_clock, times_of
 
-FLOOR = 0.02  # of the disc's median value, and at least three times the noise of the sky: where logs end
+# Where logs end, in errors of black, and in those of the pixels' noise in the least noisy cells. Were it higher, logs
+# of dark cells would bend with the light, and errors of the limb, by a half and more, make no Gaussian of them.
+FLOOR, OF_NOISE, LEAST_NOISY = 2.0, 3.0, 0.1
 LEAST_CELLS = 20  # of the disc; an overexposed crescent above a black umbra leaves some 40
 SLACK = 2.0  # width of the prior about the time that was found, in its errors
 REACH = 4.0  # widths of that prior which the shadow's table holds, and at least
@@ -186,15 +188,18 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             usable = np.isfinite(item.photo.value)
             value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
             limit, on_disc = np.zeros(value.shape), np.ones(len(value), dtype=bool)
-            floor = floor_of(value, sigma, usable, on_disc)
+        else:
+            assert item.cells is not None and item.registration is not None
+            value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
+            limit, on_disc = item.cells.limit, item.cells.on_disc
+        black = noise.black_error(value, usable, item.photo.tone_curve)
+        floor = floor_of(sigma, usable, black)
+        if isinstance(item.photo, Profile):
             model = profile_model(item.photo, item.where, floor)
             offset = item.photo.offset
             position = (offset / 4.6e-3)[:, None]  # in radii of the Moon
         else:
             assert item.cells is not None and item.registration is not None
-            value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
-            limit, on_disc = item.cells.limit, item.cells.on_disc
-            floor = floor_of(value, sigma, usable, on_disc)
             model = photo_model(item.photo, item.registration, item.where, item.cells, floor, item.clock_width)
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
             position = np.stack([item.cells.right, item.cells.up], axis=1)
@@ -204,11 +209,11 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         scale = np.maximum(value, 0.0) + floor
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
         pixels = np.where(usable, sigma / scale, 1.0)
-        smooth, broad = noise.modes_of(position, offset, on_disc), np.zeros((on_disc.size, 0))
+        smooth, left = noise.modes_of(position, offset, on_disc)
+        broad = bent = np.zeros((on_disc.size, 0))
         if item.cells is not None:
-            broad = noise.broad_modes(position, on_disc)
-        black = noise.black_error(value, usable, item.photo.tone_curve)
-        sources.append(noise.Sources(pixels, relief, smooth, broad, floor, black, usable, on_disc))
+            broad, bent = error_modes.broad_modes(position, on_disc), error_modes.bent_modes(position, on_disc)
+        sources.append(noise.Sources(pixels, relief, smooth, left, broad, bent, floor, black, usable, on_disc))
         values.append(value)
         known.append((np.log(scale), usable, limit))
     sources = _sharing(sources, models, evidence)
@@ -234,15 +239,14 @@ def _sharing(sources: list[noise.Sources], models: Sequence, evidence: Sequence[
         return sources
     found, where = list(sources), [places_of(models[number]) for number in several]
     for number, one, shared, broad in zip(several, where, shared_modes(where), uneven_modes(where), strict=True):
-        smooth = noise.modes_of(one.disc, np.linalg.norm(one.shadow, axis=1), one.on_disc, shared)
-        found[number] = replace(found[number], smooth=smooth, broad=broad, shared=shared.shape[1])
+        smooth, left = noise.modes_of(one.disc, np.linalg.norm(one.shadow, axis=1), one.on_disc, shared)
+        found[number] = replace(found[number], smooth=smooth, left=left, broad=broad, shared=shared.shape[1])
     return found
 
 
-def floor_of(value: np.ndarray, sigma: np.ndarray, usable: np.ndarray, on_disc: np.ndarray) -> float:
-    """Where the logs of a photograph's values end [full scale]."""
-    typical = float(np.median(value[on_disc][usable[on_disc]]))
-    return max(FLOOR * typical, 3.0 * float(np.median(sigma[usable])), 1e-6)
+def floor_of(sigma: np.ndarray, usable: np.ndarray, black: float) -> float:
+    """Where the logs of a photograph's values end [full scale]; `black`: of `noise.black_error`."""
+    return max(FLOOR * black, OF_NOISE * float(np.quantile(sigma[usable], LEAST_NOISY)), 1e-6)
 
 
 def keys_of(item: Evidence, exposure: Exposed) -> dict[str, object]:

@@ -18,12 +18,15 @@ from jaxtyping import Array, Float
 from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
-from inverse.noise import Errors, Sources
+from inverse.noise import Bending, Errors, Sources
 from inverse.observed import Observed
-from inverse.photo_model import developed, log_value, of_the_view, seen_and_slopes, signal, slopes_by_light
+from inverse.photo_model import developed, log_value, of_the_view, seen_and_slopes, signal
 from inverse.shared_errors import JointWhitener, joint_whitener
 
 LIMB = len(prior.ATMOSPHERE)
+NODE, WEIGHT = np.polynomial.hermite_e.hermegauss(7)  # of errors of the light, in their standard deviations
+WEIGHT = WEIGHT / WEIGHT.sum()
+LEAST_SIZE = 1e-4  # of them: a derivative
 CENTRING = 6  # rounds: the tone curve makes it a little more than one
 
 
@@ -36,6 +39,7 @@ class Likelihood:
     - `sources`: where their errors come from; `errors`: what these make of the log values, the same for every z.
     - `places`: of each photograph's nuisances in z, (nuisance,) each.
     - `carried_at`: z of the limb and the cameras that the errors are those of; None for `inverse.assumed_camera`.
+    - `carried_with`: amplitudes (photograph, 3) of the errors whose mean effect they have.
     """
 
     shadow: Shadow
@@ -45,6 +49,7 @@ class Likelihood:
     errors: tuple[Errors, ...]
     places: tuple[np.ndarray, ...]
     carried_at: np.ndarray | None = None
+    carried_with: np.ndarray | None = None
 
     @cached_property
     def parameters(self) -> tuple[prior.Parameter, ...]:
@@ -90,23 +95,29 @@ class Likelihood:
         ]
         return [(np.asarray(value), np.asarray(by)) for value, by in found]
 
-    def carried(self, z: np.ndarray) -> "Likelihood":
+    def carried(self, z: np.ndarray, amplitudes: np.ndarray | None = None) -> "Likelihood":
         """The same with errors as large as the cameras at z make those of the light there.
 
         Not of the light that the values tell of: where an error has made a cell too dark, near black, its value
         answers less to the light than it should, the error would pass for small and the cell for sure. In photographs
-        drawn with errors it made intervals up to twice too narrow.
+        drawn with errors it made intervals up to twice too narrow. Nor of the light without errors alone: where these
+        are large, a dark cell is as likely one that answers more, or less (`response`).
+
+        - `amplitudes`: smooth, chromatic and uneven ones of these errors (photograph, 3); by default those there are.
         """
+        if amplitudes is None:
+            amplitudes = np.array([[one.smooth, one.chromatic, one.uneven] for one in self.errors])
         table = shadow_light(self.shadow, jnp.asarray(z[:LIMB]))
-        errors = [
-            sources.errors(*(np.asarray(part) for part in response(model, table, jnp.asarray(z[place]))))
-            for sources, model, place in zip(self.sources, self.models, self.places, strict=True)
-        ]
-        return replace(self.with_errors(errors), carried_at=z)
+        errors = []
+        for sources, size, model, place in zip(self.sources, amplitudes, self.models, self.places, strict=True):
+            known = (jnp.asarray(each) for each in sources.sizes(*size))
+            value, by, *bending = map(np.asarray, response(model, table, jnp.asarray(z[place]), *known))
+            errors.append(sources.errors(value, by, Bending(*bending)))
+        return replace(self.with_errors(errors), carried_at=z, carried_with=amplitudes)
 
     def with_errors(self, errors: Sequence[Errors]) -> "Likelihood":
         """The same with other errors, of measurements and at limits."""
-        observed = [one.with_error(each.whole) for one, each in zip(self.observed, errors, strict=True)]
+        observed = [one.with_error(each.whole, each.excess) for one, each in zip(self.observed, errors, strict=True)]
         return replace(self, errors=tuple(errors), observed=tuple(observed))
 
     def _each(self):
@@ -145,11 +156,33 @@ def misfit_of(model, observed: Observed, table: ShadowTable, shown, nuisance) ->
 
 
 @eqx.filter_jit
-def response(model, table: ShadowTable, z: Float[Array, " parameter"]):
-    """Decoded values (cell, 3) [full scale], and the change of their logs by the log light (cell, value, light)."""
+def response(model, table: ShadowTable, z: Float[Array, " parameter"], together, apart):
+    """Decoded values (cell, 3) [full scale], and what errors of the light make of their logs, averaged over these.
+
+    By Hermite's polynomials of the errors: the change by the log light of each channel (cell, value, light), and the
+    fields of `noise.Bending`. Where a camera cuts off blue, the light as it is would tell of no change at all, and one
+    that errs by a few per cent of much.
+
+    - `together`, `apart`: standard deviations of errors of log light, of all channels and of each (cell,).
+    """
     nuisance = prior.values(model.parameters, z)
     light = model.light(table, model.seen(z), nuisance)
-    return developed(model, light, nuisance), slopes_by_light(model, light, nuisance)
+
+    def log(light):
+        return log_value(model, developed(model, light, nuisance))
+
+    def along(channels, size):
+        size = jnp.maximum(size, LEAST_SIZE)[:, None]
+        logs = jax.lax.map(lambda node: log(light * jnp.exp(node * size * channels)), jnp.asarray(NODE))
+        mean, first, second = (jnp.tensordot(WEIGHT * by, logs, axes=1) for by in (1.0, NODE, NODE**2 - 1.0))
+        rest = jnp.tensordot(WEIGHT, (logs - mean) ** 2, axes=1) - first**2
+        return mean - log(light), first / size, rest, second
+
+    excess, alike, bent, second = along(jnp.ones(3), together)
+    more, each, kinked, _ = jax.vmap(lambda channel: along(channel, apart))(jnp.eye(3))
+    root = lambda variance: jnp.sqrt(jnp.maximum(variance, 0.0))
+    bending = alike, jnp.sign(second) * root(bent), root(kinked.sum(axis=0)), excess + more.sum(axis=0)
+    return developed(model, light, nuisance), jnp.moveaxis(each, 0, -1), *bending
 
 
 @eqx.filter_jit

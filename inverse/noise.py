@@ -5,7 +5,7 @@ contrast with them. Treated as independent, such errors make intervals nine time
 the log residuals is
 
     s^2 D (noise and errors of each cell by itself) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
-    each channel) + u^2 U U' (of a limb that is uneven, broad) + B B' (of values near black)
+    each channel) + u^2 U U' (of a limb that is uneven, broad) + B B' (of values near black, and what bends there)
 
 with D of a block for the three values of each cell, the others of low rank: a multiplication by its inverse root costs
 two thin matrix products. How large s, a, c and u are, the photograph says itself (`inverse.noise_fit`).
@@ -14,11 +14,11 @@ two thin matrix products. How large s, a, c and u are, the photograph says itsel
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.spatial.distance import cdist
 
+from inverse.error_modes import black_modes, smooth_modes
 from inverse.whitener import Alone, Whitener, whitener
 
 # Relative errors of the light of one cell, alike in all channels (craters, the map's own errors) and in each. Local
@@ -27,18 +27,12 @@ RELIEF, TINT = 0.035, 0.012
 SKY = 0.3  # relative error of the sky's brightness beside the Moon, all over it: glare is modelled coarsely
 COMMON = 0.10  # amplitude of the smooth error common to the channels
 CHROMATIC = 0.04  # amplitude of that of each channel
-LENGTH = 0.35  # of the disc's radius, about 6 arcmin
-RADIAL = 1e-3  # rad: 3.4 arcmin
-MODES = 100  # common to the channels, and as many for each
 # Amplitude of the light's differences from one side of the shadow to another: in the dozen photographs of 2015, 2022
 # and 2025 that show enough of the umbra 5 to 60 %, half of them below 11 %.
 UNEVEN = 0.1
-BROAD = 0.6  # of the disc's radius, their length: a third of a quadrant of the limb
-BROAD_MODES = 14  # of them on one disc
 COLOURED = 0.3  # how far they differ between the channels, in units of their amplitude
 BLACK = 1e-3  # full scale: some three codes of a black pixel in an 8-bit file
 BLACK_LINEAR = 1e-4  # of the brightest value: some two counts of 14 bits, as well as sensors know their black
-BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
 
 
 @dataclass(frozen=True)
@@ -47,6 +41,7 @@ class Errors:
 
     - `cells`: D, a covariance for the values of each cell (cell, value, value).
     - `modes`: A, C, U and B side by side (datum, mode); `common`, `broad`, `black`: how many are A's, U's, and B's.
+    - `excess`: mean of the errors (datum,): of a value that bends with the light, large ones do not average out.
     - `independent`, `smooth`, `chromatic`, `uneven`: s, a, c, u.
     - `outlying`: by what D is larger where a value belongs to no model: a star, a hot pixel (datum,).
     - `shared`: how many of A's modes, the last ones, it has in common with other photographs of a series, and as many
@@ -67,6 +62,7 @@ class Errors:
     outlying: np.ndarray | float = 1.0
     shared: int = 0
     variances: np.ndarray = field(default_factory=lambda: np.zeros((4, 1)))
+    excess: np.ndarray | float = 0.0
 
     @cached_property
     def sigma(self) -> np.ndarray:
@@ -137,54 +133,6 @@ class Errors:
         )
 
 
-def smooth_modes(position: np.ndarray, offset: np.ndarray, shared: np.ndarray | None = None) -> np.ndarray:
-    """L of the covariance of smooth errors, of variance 1 (cell, mode).
-
-    Half of it exp(-distance / LENGTH) over the disc: rough at every scale, as the misfits of real photographs are.
-    Half of it exp(-difference / RADIAL) of the offsets from the shadow's axis: limbs that differ from one another, as
-    the Earth's do, wash out every sharp feature that a symmetric one has. The `MODES` with the largest variance; what
-    is left of it is independent from cell to cell, and the amplitude of independent errors is fitted.
-
-    - `position`: on the disc, in its radii (cell, 2); `offset`: (cell,) [rad].
-    - `shared`: modes that are known already, and are left out (cell, mode).
-    """
-    apart = np.linalg.norm(position[:, None] - position, axis=-1)
-    farther = np.abs(offset[:, None] - offset)
-    covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
-    covariance = centred(covariance)
-    return largest_modes(covariance if shared is None else covariance - shared @ shared.T, MODES)
-
-
-def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
-    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
-
-    Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
-    2015, by a fifth over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
-
-    - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
-    """
-    apart = cdist(position[on_disc], position[on_disc])
-    found = largest_modes(centred(np.exp(-0.5 * np.square(apart / BROAD))), BROAD_MODES)
-    modes = np.zeros((on_disc.size, found.shape[1]))
-    modes[on_disc] = found
-    return modes
-
-
-def centred(covariance: np.ndarray) -> np.ndarray:
-    """The same of what is left where means are taken away, of rows and of columns.
-
-    Of the mean over the disc errors say nothing: the exposure is free to meet it, and else meets it no more.
-    """
-    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
-
-
-def largest_modes(covariance: np.ndarray, most: int) -> np.ndarray:
-    """L of a covariance (cell, cell), of no more than so many modes (cell, mode)."""
-    last = len(covariance) - 1
-    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - most), last))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
 def sky_modes(position: np.ndarray) -> np.ndarray:
     """Errors of the sky's brightness, in units of `COMMON` (cell, mode): as a whole, to either side, by the distance.
 
@@ -199,18 +147,22 @@ def sky_modes(position: np.ndarray) -> np.ndarray:
 
 def modes_of(
     position: np.ndarray, offset: np.ndarray, on_disc: np.ndarray, shared: np.ndarray | None = None
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Modes of the disc's cells, of the sky's, and those that are shared, side by side (cell, mode).
+
+    And the variance of smooth errors that they leave out (cell,).
 
     - `position`: (cell, 2) [radii of the disc]; `offset`: from the shadow's axis (cell,) [rad]; `on_disc`: (cell,).
     - `shared`: with other photographs (cell, mode).
     """
     known = None if shared is None else shared[on_disc]
-    disc, sky = smooth_modes(position[on_disc], offset[on_disc], known), sky_modes(position[~on_disc])
+    disc, rest = smooth_modes(position[on_disc], offset[on_disc], known)
+    sky, left = sky_modes(position[~on_disc]), np.zeros(on_disc.size)
+    left[on_disc] = rest
     modes = np.zeros((on_disc.size, disc.shape[1] + sky.shape[1]))
     modes[on_disc, : disc.shape[1]] = disc
     modes[~on_disc, disc.shape[1] :] = sky
-    return modes if shared is None else np.concatenate([modes, shared], axis=1)
+    return (modes if shared is None else np.concatenate([modes, shared], axis=1)), left
 
 
 def black_error(value: np.ndarray, usable: np.ndarray, tone_curve: str) -> float:
@@ -221,21 +173,18 @@ def black_error(value: np.ndarray, usable: np.ndarray, tone_curve: str) -> float
     return BLACK_LINEAR * float(np.max(value, where=usable, initial=0.0)) if tone_curve == "linear" else BLACK
 
 
-def black_modes(value: np.ndarray, floor: float, usable: np.ndarray, error: float) -> np.ndarray:
-    """B: errors of the log of values near black, where a camera cuts off noise, and files have few codes (datum, mode).
+class Bending(NamedTuple):
+    """How log values bend with errors of the light (cell, value) each, averaged over these.
 
-    A curve of the value for each channel, smooth over a factor of `BLACK_REACH`: what is wrong with one dark cell is
-    wrong with all that are as dark.
-
-    - `value`: (cell, 3), `floor`, and `error`, of `black_error` [full scale]; `usable`: (cell, 3).
+    - `alike`: change by the log light of all channels together.
+    - `together`, `apart`: standard deviations of what no straight line has, for errors of all channels and of each.
+    - `excess`: mean above what there is without errors.
     """
-    height = np.log(np.maximum(value, 0.0) + floor)
-    line = np.linspace(height.min(), height.max(), BLACK_POINTS)
-    kernel = np.exp(-np.abs(line[:, None] - line) / np.log(BLACK_REACH))
-    curves = largest_modes(kernel, BLACK_MODES).T
-    each = np.stack([np.interp(height, line, curve) for curve in curves], axis=-1) * usable[..., None]
-    each = each * error / np.exp(height)[..., None]
-    return (each[:, :, None] * np.eye(value.shape[1])[..., None]).reshape(value.size, -1)
+
+    alike: np.ndarray
+    together: np.ndarray
+    apart: np.ndarray
+    excess: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -244,7 +193,8 @@ class Sources:
 
     - `noise`: of the pixels, in log value (cell, 3); where not usable, what misfits are divided by there.
     - `relief`: relative error of each cell's light, alike in all channels (cell,).
-    - `smooth`: modes of `smooth_modes` and of `sky_modes` (cell, mode); `broad`: of `broad_modes` (cell, mode).
+    - `smooth`, `left`: of `modes_of` (cell, mode), (cell,).
+    - `broad`, `bent`: of `error_modes.broad_modes` and of its `bent_modes` (cell, mode).
     - `floor`: of the log values; `black`: of `black_error` [full scale].
     - `usable`: (cell, 3); `on_disc`: (cell,).
     - `shared`: how many of `smooth`, the last ones, are shared with other photographs.
@@ -253,14 +203,22 @@ class Sources:
     noise: np.ndarray
     relief: np.ndarray
     smooth: np.ndarray
+    left: np.ndarray
     broad: np.ndarray
+    bent: np.ndarray
     floor: float
     black: float
     usable: np.ndarray
     on_disc: np.ndarray
     shared: int = 0
 
-    def errors(self, value: np.ndarray, response: np.ndarray) -> Errors:
+    def sizes(self, smooth: float, chromatic: float, uneven: float) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,)."""
+        each, broad = (np.sum(modes**2, axis=1) * self.on_disc for modes in (self.smooth, self.broad))
+        of_colour = (COLOURED * uneven) ** 2 * broad + chromatic**2 * each + TINT**2
+        return np.sqrt(uneven**2 * broad + smooth**2 * each), np.sqrt(of_colour)
+
+    def errors(self, value: np.ndarray, response: np.ndarray, bending: Bending | None = None) -> Errors:
         """Errors of the light, as a camera makes errors of its values of them, and those of values near black.
 
         The map and the limb err in light; a camera's matrix takes most of the red from the green and the blue of a
@@ -268,21 +226,28 @@ class Sources:
 
         - `value`: decoded (cell, 3) [full scale].
         - `response`: change of each log value by the log light of each channel (cell, value, light).
+        - `bending`: what is no straight line in that; by default nothing.
         """
         variances = self._variances(value, response)
         response = np.where(self.usable[..., None], response, 0.0)
-        alike, by_channel = response.sum(axis=2), np.moveaxis(response, 2, 0)
+        alike = response.sum(axis=2) if bending is None else bending.alike * self.usable
+        by_channel = np.moveaxis(response, 2, 0)
         smooth = _of_values([alike, *by_channel], self.smooth)
         broad = _of_values([alike, *(COLOURED * by_channel)], self.broad)
         # What the modes leave of the smooth errors' variance is as good as independent from cell to cell.
-        left = np.maximum(1.0 - np.sum(self.smooth**2, axis=1), 0.0) * self.on_disc
-        relief = np.sqrt(self.relief**2 + COMMON**2 * left)[:, None] * alike
-        tint = (TINT**2 + CHROMATIC**2 * left)[:, None, None]
+        relief = np.sqrt(self.relief**2 + COMMON**2 * self.left)[:, None] * alike
+        tint = (TINT**2 + CHROMATIC**2 * self.left)[:, None, None]
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
-        black = black_modes(value, self.floor, self.usable, self.black)
-        modes, counts = np.concatenate([smooth, broad, black], axis=1), (broad.shape[1], black.shape[1])
-        return Errors(cells, modes, self.smooth.shape[1], *counts, shared=self.shared, variances=variances)
+        fixed = black_modes(value, self.floor, self.usable, self.black)
+        if bending is not None:
+            bent = _of_values([bending.together * self.usable, bending.apart * self.usable], self.bent)
+            fixed = np.concatenate([fixed, bent], axis=1)
+        modes, counts = np.concatenate([smooth, broad, fixed], axis=1), (broad.shape[1], fixed.shape[1])
+        return Errors(
+            cells, modes, self.smooth.shape[1], *counts, shared=self.shared, variances=variances,
+            excess=0.0 if bending is None else bending.excess.ravel(),
+        )  # fmt: skip
 
     def _variances(self, value: np.ndarray, response: np.ndarray) -> np.ndarray:
         """`Errors.variances`."""

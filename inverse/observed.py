@@ -12,12 +12,12 @@ import numpy as np
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
-from inverse import noise
+from inverse import error_modes, noise
 from inverse.cells import CELLS_PER_RADIUS
 
 LEAST_ERROR = noise.RELIEF  # of the model where it meets a limit
 # Its errors are the same for neighbours: all cells within a correlation length know of a limit as much as one does.
-SHARE = (1.0 / CELLS_PER_RADIUS / noise.LENGTH) ** 2
+SHARE = (1.0 / CELLS_PER_RADIUS / error_modes.LENGTH) ** 2
 KEPT = 8.0  # errors: from here on a limit is kept, to the last digit
 
 
@@ -28,24 +28,27 @@ class Observed(eqx.Module):
     - `measured`: 1 where it counts as a measurement, else 0 (datum,).
     - `limit`: 1 where it is a lower limit, -1 where an upper one, else 0 (datum,).
     - `error`: standard deviation of the model's error, which counts where there is a limit (datum,).
+    - `excess`: its mean (datum,).
     """
 
     value: Float[Array, " datum"]
     measured: Float[Array, " datum"]
     limit: Float[Array, " datum"]
     error: Float[Array, " datum"]
+    excess: Float[Array, " datum"]
 
     def misfit(self, predicted: Float[Array, " datum"]) -> Float[Array, " datum"]:
         """Data minus model, 0 where nothing is known, and roots of what limits cost where they are broken (datum,)."""
-        missed = self.value - predicted
+        missed = self.value - self.excess - predicted
         above = jnp.minimum(-self.limit * missed / self.error, KEPT)
         broken = self.limit * jnp.sqrt(-2.0 * SHARE * log_ndtr(above))
         return jnp.where(self.limit == 0, self.measured * missed, broken)
 
-    def with_error(self, error: np.ndarray) -> "Observed":
-        """The same with another `error` (datum,), or as much as there is at least."""
-        error = np.maximum(error, LEAST_ERROR) * np.ones(self.value.shape)
-        return Observed(self.value, self.measured, self.limit, jnp.asarray(error))
+    def with_error(self, error: np.ndarray, excess: np.ndarray | float = 0.0) -> "Observed":
+        """The same with another `error` (datum,), or as much as there is at least, and `excess` (datum,)."""
+        every = np.ones(self.value.shape)
+        found = (jnp.asarray(value * every) for value in (np.maximum(error, LEAST_ERROR), excess))
+        return Observed(self.value, self.measured, self.limit, *found)
 
 
 def observed(value: np.ndarray, usable: np.ndarray, limit: np.ndarray, error: np.ndarray) -> Observed:
@@ -54,4 +57,5 @@ def observed(value: np.ndarray, usable: np.ndarray, limit: np.ndarray, error: np
     - `error`: as of `Observed`.
     """
     known = (jnp.asarray(array.ravel(), dtype=float) for array in (value, usable, limit))
-    return Observed(*known, error=jnp.zeros(value.size)).with_error(error)
+    none = jnp.zeros(value.size)
+    return Observed(*known, error=none, excess=none).with_error(error)

@@ -23,7 +23,8 @@ COLOUR_MATRIX = np.array([[1.7398, -0.6525, -0.0873], [-0.1553, 1.6422, -0.4869]
 GLARE_SCALE = 0.15  # of the disc's radius: core of the wings (1 + r^2/a^2)^-1.5
 GLARE_POINTS_PER_RADIUS = 8
 WITHIN = 0.25 * np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0]])  # right and up, in sizes of a cell
-BLACK_CORNER = 6e-4  # full scale: two codes of 8 bits
+CORNER = 0.004  # of the mean of all channels: wider, and blue that a camera cut off would pass for light
+BLACK_CORNER = 2e-4  # full scale: less than one code of 8 bits
 FREE_EXPOSURE = 3.0  # ln: width of the prior of an exposure of which nothing is known
 TINT = 0.03  # ln: between photographs of one camera whose white balance stands still
 
@@ -195,7 +196,7 @@ def developed(model, light, nuisance):
         return exposed
     mixed = exposed @ (model.primaries @ colour_matrix(nuisance)).T
     # Deep red turns green and blue negative; cameras clip there, we round the corner a little above zero.
-    corner = 0.02 * jnp.mean(exposed, axis=-1, keepdims=True)
+    corner = CORNER * jnp.mean(exposed, axis=-1, keepdims=True)
     positive = 0.5 * (mixed + jnp.sqrt(mixed**2 + corner**2))
     # Nor does its black begin at a corner: below one the light would have no slope.
     lit = positive - nuisance["tone.black"]

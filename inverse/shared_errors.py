@@ -5,9 +5,9 @@ Moon. In the series of 2015-09-28 photographs have seven to eight tenths of thei
 it by the place in the shadow (python -m benchmarks.series_2015). Drawn anew for each photograph, such errors would
 average out over a series, and make its intervals half as wide.
 
-Within a photograph the two places move together, and the errors have the covariance of `noise.smooth_modes`; between
-photographs `SHARED` of it is left where both places are the same. The covariance of all data is what each photograph
-has for itself, and L L' of the shared modes over all of them.
+Within a photograph the two places move together, and the errors have the covariance of `error_modes.smooth_modes`;
+between photographs `SHARED` of it is left where both places are the same. The covariance of all data is what each
+photograph has for itself, and L L' of the shared modes over all of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,8 @@ from scipy.spatial.distance import cdist
 
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.scene import axis_offset, axis_position_angle, disc_points
-from inverse.noise import BROAD, LENGTH, RADIAL, Errors
+from inverse.error_modes import BROAD, LENGTH, RADIAL
+from inverse.noise import Errors
 from inverse.whitener import Whitener, shrinking
 
 SHARED = 0.8  # of the variance of smooth errors

@@ -141,9 +141,10 @@ class Erring:
 
     errors: tuple
     carried_at: np.ndarray | None = None
+    carried_with: np.ndarray | None = None
 
-    def carried(self, z):
-        return replace(self, carried_at=z)
+    def carried(self, z, amplitudes):
+        return replace(self, carried_at=z, carried_with=amplitudes)
 
     def with_errors(self, errors):
         return replace(self, errors=errors)
@@ -154,7 +155,7 @@ def test_a_beginning_comes_back_from_numbers():
     optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2, rivals)
     before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
-    prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]))
+    prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]), np.array([[0.1, 0.04, 0.3]]))
     for draws in (None, 0, 640):
         numbers = {name: np.asarray(value) for name, value in beginning(optimum, found, draws).items()}
         same, likelihood, given = begun(numbers, prepared)
@@ -165,5 +166,6 @@ def test_a_beginning_comes_back_from_numbers():
         for one, other in zip(same.rivals, rivals, strict=True):
             assert np.array_equal(one.z, other.z) and np.array_equal(one.information, other.information)
         assert np.array_equal(likelihood.carried_at, found.carried_at)
+        assert np.array_equal(likelihood.carried_with, found.carried_with)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)
         assert np.array_equal(likelihood.errors[0].amplitudes, fitted.amplitudes)

@@ -18,6 +18,7 @@ from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB, places, response
 from inverse.limb_light import shadow_light, shadow_of
 from inverse.map_estimate import quadratic
+from inverse.noise import Bending
 from inverse.observed import LEAST_ERROR
 from inverse.photo_model import COLOUR_MATRIX, developed, log_value, signal
 from tests import synthetic
@@ -129,14 +130,17 @@ def test_errors_are_carried_as_light_is(synthetic_likelihood):
     z = 0.5 * np.random.default_rng(3).standard_normal(len(one.parameters))
     z[LIMB + names.index("camera.veil")] = -30.0  # its brightness hangs on all channels together
     table, nuisance = shadow_light(one.shadow, jnp.asarray(z[:LIMB])), jnp.asarray(z[LIMB:])
-    value, slopes = response(model, table, nuisance)
+    nothing = jnp.zeros(len(model.on_disc))
+    value, slopes, alike, *bent = response(model, table, nuisance, nothing, nothing)
+    np.testing.assert_allclose(alike, slopes.sum(axis=2), rtol=1e-3, atol=1e-4)
+    assert all(np.abs(part).max() < 1e-3 for part in bent)
     np.testing.assert_allclose(value, signal(model, table, nuisance), rtol=1e-12)
-    for channel, unit in enumerate(0.005 * np.eye(3)):
+    for channel, unit in enumerate(5e-4 * np.eye(3)):
         high, low = (
             log_value(model, signal(model, one.shadow.table(table.log_light + sign * unit), nuisance))
             for sign in (1.0, -1.0)
         )
-        np.testing.assert_allclose(slopes[..., channel], (high - low) / 0.01, rtol=1e-3, atol=1e-4)
+        np.testing.assert_allclose(slopes[..., channel], (high - low) / 1e-3, rtol=1e-3, atol=1e-4)
 
 
 def test_a_cell_that_an_error_made_too_dark_is_not_taken_for_sure(synthetic_likelihood):
@@ -145,16 +149,72 @@ def test_a_cell_that_an_error_made_too_dark_is_not_taken_for_sure(synthetic_like
     z[LIMB] = -1.5  # the gain: an exposure that leaves half of the disc near black
     model = synthetic_likelihood.models[0]
     table = shadow_light(synthetic_likelihood.shadow, jnp.asarray(z[:LIMB]))
-    value, slopes = (np.asarray(part) for part in response(model, table, jnp.asarray(z[LIMB:])))
-    carried = synthetic_likelihood.carried(z)
+    sources, small = synthetic_likelihood.sources[0], np.full((1, 3), 1e-4)
+    sizes = (jnp.asarray(size) for size in sources.sizes(*small[0]))
+    value, slopes, *bent = (np.asarray(part) for part in response(model, table, jnp.asarray(z[LIMB:]), *sizes))
+    carried = synthetic_likelihood.carried(z, small)
     assert np.array_equal(carried.carried_at, z)
-    assert np.array_equal(carried.errors[0].cells, synthetic_likelihood.sources[0].errors(value, slopes).cells)
+    assert np.array_equal(carried.errors[0].cells, sources.errors(value, slopes, Bending(*bent)).cells)
     floor = float(model.floor)
     near_black = (value < 2.0 * floor) & (value > 0.2 * floor)
     assert near_black.sum() > 50
     too_dark = assumed_camera.response(model, 0.6 * value)
     ratio = np.abs(too_dark).sum(axis=2)[near_black] / np.abs(slopes).sum(axis=2)[near_black]
     assert np.median(ratio) < 0.85
+
+
+@pytest.mark.parametrize("uneven", [0.15, 0.5])
+def test_large_errors_of_the_light_make_those_of_the_values_that_draws_have(synthetic_likelihood, uneven):
+    """Near black a value bends with the light: its errors are no line's, and do not average out."""
+    z = np.zeros(len(synthetic_likelihood.parameters))
+    z[LIMB] = -1.5
+    one, model, sources = synthetic_likelihood, synthetic_likelihood.models[0], synthetic_likelihood.sources[0]
+    table, nuisance = shadow_light(one.shadow, jnp.asarray(z[:LIMB])), prior.values(model.parameters, z[LIMB:])
+    light = model.light(table, model.seen(jnp.asarray(z[LIMB:])), nuisance)
+    draws = uneven * np.random.default_rng(5).standard_normal((1000, sources.broad.shape[1])) @ sources.broad.T
+    log = lambda light: log_value(model, developed(model, light, nuisance))
+    found = np.array([log(light * np.exp(error)[:, None]) - log(light) for error in draws]).reshape(1000, -1)
+    seen = np.repeat(sources.on_disc, 3) & np.asarray(one.observed[0].measured, dtype=bool)
+    made = one.carried(z, np.array([[0.0, 0.0, uneven]])).errors[0]
+    modes = made.modes * replace(made, smooth=0.0, chromatic=0.0, uneven=uneven).amplitudes
+    count, bent = sources.broad.shape[1], sources.bent.shape[1]
+    alike = modes[:, made.kinds == 3][:, :count]
+    together = modes[:, -2 * bent : -bent]  # before what errors of single channels make, at the end
+    predicted = np.sqrt(np.sum(alike**2, axis=1) + np.sum(together**2, axis=1))[seen]
+    np.testing.assert_allclose(predicted, found.std(axis=0)[seen], rtol=0.15)
+    still = one.carried(z, np.array([[0.0, 0.0, 1e-6]])).errors[0]  # errors of single channels are the same, nearly
+    lifted = (np.asarray(made.excess) - np.asarray(still.excess))[seen]
+    np.testing.assert_allclose(lifted, found.mean(axis=0)[seen], atol=0.03 + 0.1 * uneven)
+    line = (still.modes * replace(still, uneven=uneven).amplitudes)[:, still.kinds == 3][:, :count]
+    straight = np.linalg.norm(line, axis=1)[seen]
+    if uneven > 0.3:
+        assert np.max(np.abs(straight / found.std(axis=0)[seen] - 1.0)) > 0.3
+
+
+@pytest.mark.parametrize("spread", [0.03, 0.2])
+def test_errors_of_colour_bring_back_a_channel_that_the_camera_cut_off(synthetic_likelihood, spread):
+    """Where a matrix takes more of the red than there is blue, a value tells of no light, but of errors of much."""
+    model = synthetic_likelihood.models[0]
+    z = jnp.zeros(len(model.parameters))
+    names = [parameter.name for parameter in model.parameters]
+    z = z.at[names.index("white_balance.red")].set(2.0).at[names.index("tone.saturation")].set(1.0)
+    table = shadow_light(synthetic_likelihood.shadow, jnp.zeros(LIMB))
+    nuisance = prior.values(model.parameters, z)
+    light = model.light(table, model.seen(z), nuisance)
+    log = lambda light: log_value(model, developed(model, light, nuisance))
+    draws = spread * np.random.default_rng(6).standard_normal((400, *light.shape))
+    found = np.array([log(light * np.exp(error)) for error in draws]) - np.asarray(log(light))
+    size = jnp.full(len(light), spread)
+    _, slopes, _, _, apart, excess = (
+        np.asarray(part) for part in response(model, table, z, jnp.zeros(len(light)), size)
+    )
+    predicted = np.sqrt(spread**2 * np.sum(slopes**2, axis=2) + apart**2)
+    there = np.asarray(synthetic_likelihood.sources[0].on_disc)
+    cut_off = (found.std(axis=0) > 0.05) & (np.asarray(signal(model, table, z)) < 2e-3) & there[:, None]
+    assert cut_off.sum() > 20
+    ratio = predicted[cut_off] / found.std(axis=0)[cut_off]
+    assert 0.6 < np.quantile(ratio, 0.1) and np.quantile(ratio, 0.9) < 1.6
+    assert np.median(np.abs(excess - found.mean(axis=0))[cut_off]) < 0.3 * np.median(found.std(axis=0)[cut_off])
 
 
 def test_limits_err_as_the_limb_does(synthetic_likelihood):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from inverse import noise
+from inverse import error_modes, noise
 from inverse.whitener import Alone, whitener
 
 
@@ -38,15 +38,18 @@ def disc(count=14):
 
 def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     position, offset = disc()
-    modes = noise.smooth_modes(position, offset)
-    assert modes.shape == (len(position), noise.MODES)
+    modes, rest = error_modes.smooth_modes(position, offset)
+    assert modes.shape == (len(position), error_modes.MODES)
     assert np.abs(modes.mean(axis=0)).max() < 1e-8
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
-    wanted = 0.5 * np.exp(-apart / noise.LENGTH) + 0.5 * np.exp(-np.abs(offset[:, None] - offset) / noise.RADIAL)
+    wanted = 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(
+        -np.abs(offset[:, None] - offset) / error_modes.RADIAL
+    )
     wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
     left = wanted - modes @ modes.T
     assert np.trace(left) < 0.2 * np.trace(wanted)
     assert np.linalg.eigvalsh(left).min() > -1e-9
+    np.testing.assert_allclose(rest, np.diag(left), atol=1e-12)
 
 
 def sources(sigma, modes, *, relief=0.0, usable=True):
@@ -57,6 +60,8 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
         np.full((cells, 3), sigma),
         np.full(cells, relief),
         modes,
+        np.zeros(cells),
+        np.zeros((cells, 0)),
         np.zeros((cells, 0)),
         0.004,
         noise.BLACK,
@@ -72,7 +77,7 @@ def bright(modes):
 
 def test_a_colour_matrix_mixes_the_errors_of_the_light():
     position, offset = disc()
-    cells, modes = len(position), noise.smooth_modes(position, offset)
+    cells, (modes, _) = len(position), error_modes.smooth_modes(position, offset)
     matrix = np.array([[1.2, -0.3, 0.1], [0.0, 1.5, -0.5], [-1.0, -0.4, 2.4]])
     usable = np.random.default_rng(2).uniform(size=(cells, 3)) > 0.1
     errors = sources(0.02, modes, relief=0.05, usable=usable).errors(
@@ -94,7 +99,8 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
     on_disc = np.concatenate([np.full(len(position), True), np.full(20, False)])
     around = 1.3 * np.stack([np.cos(np.arange(20)), np.sin(np.arange(20))], axis=1)
     position, offset = np.concatenate([position, around]), np.concatenate([offset, np.zeros(20)])
-    modes = noise.modes_of(position, offset, on_disc)
+    modes, left = noise.modes_of(position, offset, on_disc)
+    assert not left[~on_disc].any()
     errors = sources(0.05, modes).errors(bright(modes), np.broadcast_to(np.eye(3), (on_disc.size, 3, 3)))
     whole = (errors.modes * errors.amplitudes).reshape(on_disc.size, 3, -1)
     smooth = whole[..., : -errors.black]
@@ -119,21 +125,29 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
 
 
 def test_what_the_modes_leave_is_independent():
-    """Of every cell on the disc the smooth errors have their whole variance, and none of those of the sky."""
+    """Of every cell on the disc the smooth errors have the variance that drawn ones have about their mean over it."""
     position, offset = disc(30)
-    on_disc = np.arange(len(position)) < len(position) - 10
-    modes = noise.smooth_modes(position, offset) * on_disc[:, None]
-    cells, usable = len(modes), np.full((len(modes), 3), True)
+    cells, usable = len(position), np.full((len(position), 3), True)
+    on_disc = np.full(cells, True)
+    modes, left = noise.modes_of(position, offset, on_disc)
+    none = np.zeros((cells, 0))
     errors = noise.Sources(
-        np.full((cells, 3), 0.01), np.zeros(cells), modes, np.zeros((cells, 0)), 0.004, noise.BLACK, usable, on_disc
+        np.full((cells, 3), 0.01), np.zeros(cells), modes, left, none, none, 0.004, noise.BLACK, usable, on_disc
     )
     every = errors.errors(bright(modes), np.broadcast_to(np.eye(3), (cells, 3, 3)))
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
     )
-    whole = noise.COMMON**2 + noise.CHROMATIC**2 + noise.TINT**2 + 0.01**2
-    np.testing.assert_allclose(both[on_disc], whole, rtol=1e-6)
-    np.testing.assert_allclose(both[~on_disc], noise.TINT**2 + 0.01**2, rtol=1e-6)
+    apart = np.linalg.norm(position[:, None] - position, axis=-1)
+    covariance = 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(
+        -np.abs(offset[:, None] - offset) / error_modes.RADIAL
+    )
+    normal = np.random.default_rng(4).standard_normal((cells, 4000))
+    drawn = np.linalg.cholesky(covariance + 1e-9 * np.eye(cells)) @ normal
+    variance = (drawn - drawn.mean(axis=0)).var(axis=1)
+    wanted = (noise.COMMON**2 + noise.CHROMATIC**2) * variance + noise.TINT**2 + 0.01**2
+    np.testing.assert_allclose(both.mean(axis=1), wanted, rtol=0.1)
+    assert np.mean(both) == pytest.approx(wanted.mean(), rel=0.01)
 
 
 def test_the_whole_error_is_that_of_the_modes_and_of_a_limit_too():
@@ -142,9 +156,10 @@ def test_the_whole_error_is_that_of_the_modes_and_of_a_limit_too():
     cells, random = len(position), np.random.default_rng(8)
     on_disc, usable = np.arange(cells) < cells - 20, random.uniform(size=(cells, 3)) > 0.3
     response = np.broadcast_to([[1.5, -0.4, 0.0], [0.0, 0.8, 0.1], [-2.0, 0.3, 2.5]], (cells, 3, 3))
+    none = np.zeros((cells, 0))
     made = noise.Sources(
-        np.full((cells, 3), 0.02), np.full(cells, 0.05), noise.smooth_modes(position, offset),
-        np.zeros((cells, 0)), 0.004, noise.BLACK, usable, on_disc,
+        np.full((cells, 3), 0.02), np.full(cells, 0.05), *error_modes.smooth_modes(position, offset),
+        none, none, 0.004, noise.BLACK, usable, on_disc,
     ).errors(np.full((cells, 3), 0.5), response)  # fmt: skip
     found = replace(made, independent=2.0, smooth=0.2, chromatic=0.1, uneven=0.3).whole.reshape(cells, 3)
     alike, each = random.standard_normal((2, 1, 200_000)), random.standard_normal((3, 3, 200_000))
@@ -159,7 +174,7 @@ def test_errors_near_black_are_those_of_a_curve_for_each_channel():
     value = np.random.default_rng(5).uniform(0.0, 0.4, (200, 3))
     value[:50] *= 0.01
     usable = np.random.default_rng(6).uniform(size=value.shape) > 0.1
-    modes = noise.black_modes(value, 0.004, usable, noise.BLACK).reshape(*value.shape, -1)
+    modes = error_modes.black_modes(value, 0.004, usable, noise.BLACK).reshape(*value.shape, -1)
     variance = np.sum(modes**2, axis=-1)
     assert not variance[~usable].any() and not np.any(np.sum(modes[:, 0] * modes[:, 1], axis=1))
     wanted = noise.BLACK / (value + 0.004)
@@ -181,16 +196,16 @@ def test_a_linear_file_knows_its_black_by_its_brightest_value():
 def test_an_uneven_limb_makes_broad_errors_of_the_light_alike_in_all_channels():
     position, offset = disc()
     on_disc = np.hypot(*position.T) < 0.9
-    broad = noise.broad_modes(position, on_disc)
+    broad = error_modes.broad_modes(position, on_disc)
     apart = np.linalg.norm(position[on_disc][:, None] - position[on_disc], axis=-1)
-    wanted = np.exp(-0.5 * (apart / noise.BROAD) ** 2)
+    wanted = np.exp(-0.5 * (apart / error_modes.BROAD) ** 2)
     wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
     assert np.abs(broad[on_disc] @ broad[on_disc].T - wanted).max() < 0.03
     assert not broad[~on_disc].any()
     cells = len(position)
     made = noise.Sources(
-        np.full((cells, 3), 0.02), np.zeros(cells), np.zeros((cells, 1)), broad, 0.004, noise.BLACK,
-        np.full((cells, 3), True), np.zeros(cells),
+        np.full((cells, 3), 0.02), np.zeros(cells), np.zeros((cells, 1)), np.zeros(cells), broad, np.zeros((cells, 0)),
+        0.004, noise.BLACK, np.full((cells, 3), True), np.zeros(cells),
     ).errors(bright(broad), np.broadcast_to(np.eye(3), (cells, 3, 3)))  # fmt: skip
     whole = (made.modes * made.amplitudes)[:, made.kinds == 3].reshape(cells, 3, -1)
     variance = noise.UNEVEN**2 * np.sum(broad**2, axis=1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inverse import noise
+from inverse import error_modes, noise
 from inverse.noise_fit import fitted_errors
 from tests.test_noise import bright, disc, sources
 
@@ -14,7 +14,7 @@ from tests.test_noise import bright, disc, sources
 def before():
     position, offset = disc(30)
     response = np.broadcast_to(np.eye(3), (len(position), 3, 3))
-    modes = noise.smooth_modes(position, offset)
+    modes, _ = error_modes.smooth_modes(position, offset)
     errors = sources(0.05, modes).errors(bright(modes), response)
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     return errors, np.argsort(apart, axis=1)[:, :9]
@@ -45,7 +45,8 @@ def test_an_uneven_limb_is_found_and_no_other_error_takes_it_for_its_own():
     position, offset = disc(30)
     everywhere = np.full(len(position), True)
     known = replace(
-        sources(0.05, noise.smooth_modes(position, offset)), broad=noise.broad_modes(position, everywhere)
+        sources(0.05, error_modes.smooth_modes(position, offset)[0]),
+        broad=error_modes.broad_modes(position, everywhere),
     ).errors(np.full((len(position), 3), 1e4), np.broadcast_to(np.eye(3), (len(position), 3, 3)))
     around = np.argsort(np.linalg.norm(position[:, None] - position, axis=-1), axis=1)[:, :9]
     found = {}

@@ -10,7 +10,7 @@ from jax import Array
 
 from eclipsejax.ephemeris import Geometry, geometry
 from eclipsejax.scene import axis_offset
-from inverse import noise
+from inverse import error_modes, noise
 from inverse.cells import CELLS_PER_RADIUS
 from inverse.photo_model import Disc
 from inverse.shared_errors import (
@@ -55,7 +55,7 @@ def centred(matrix):
 
 def test_within_a_photograph_they_are_its_smooth_errors():
     one = of_disc(places())
-    modes = noise.smooth_modes(one.disc, np.linalg.norm(one.shadow, axis=1))
+    modes, _ = error_modes.smooth_modes(one.disc, np.linalg.norm(one.shadow, axis=1))
     missing = centred(covariance(one, one)) - modes @ modes.T
     assert np.abs(missing - np.diag(np.diag(missing))).max() < 0.1
     assert np.diag(missing).mean() < 0.15
@@ -78,7 +78,7 @@ def test_an_uneven_limb_is_the_same_at_the_same_place_of_the_shadow():
     modes = [one[part.on_disc] for one, part in zip(uneven_modes(each), each, strict=True)]
     between = centred(unevenness(of_disc(each[0]), of_disc(each[1])))
     assert np.abs(modes[0] @ modes[1].T - between).max() < 0.02
-    alone = noise.broad_modes(each[0].disc, each[0].on_disc)[each[0].on_disc]
+    alone = error_modes.broad_modes(each[0].disc, each[0].on_disc)[each[0].on_disc]
     assert np.abs(modes[0] @ modes[0].T - alone @ alone.T).max() < 0.03
 
 
@@ -168,10 +168,11 @@ def test_many_photographs_know_no_more_of_what_looks_like_their_common_error():
     slope = np.repeat(shared[:, -1], 3)[:, None]
 
     def errors_with(known):
-        smooth = noise.modes_of(where.disc, np.linalg.norm(where.shadow, axis=1), where.on_disc, known)
+        smooth, left = noise.modes_of(where.disc, np.linalg.norm(where.shadow, axis=1), where.on_disc, known)
         usable = np.ones((count, 3), dtype=bool)
+        none = np.zeros((count, 0))
         sources = noise.Sources(
-            np.full((count, 3), 0.01), np.full(count, 0.03), smooth, np.zeros((count, 0)), 0.01, 1e-3, usable,
+            np.full((count, 3), 0.01), np.full(count, 0.03), smooth, left, none, none, 0.01, 1e-3, usable,
             where.on_disc, 0 if known is None else known.shape[1],
         )  # fmt: skip
         return sources.errors(np.full((count, 3), 0.3), response)

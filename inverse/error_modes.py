@@ -1,0 +1,98 @@
+"""Patterns that errors of photographs have: modes L, whose L L' is the covariance of errors of variance 1.
+
+Few of them hold nearly all the variance of an error that is smooth over the disc.
+"""
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.spatial.distance import cdist
+
+LENGTH = 0.35  # of the disc's radius, about 6 arcmin
+RADIAL = 1e-3  # rad: 3.4 arcmin
+MODES = 100  # common to the channels, and as many for each
+BROAD = 0.6  # of the disc's radius, the length of an uneven limb's errors: a third of a quadrant of the limb
+BROAD_MODES = 14  # of them on one disc
+BENT_MODES = 20  # of their squares
+BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
+
+
+def smooth_modes(
+    position: np.ndarray, offset: np.ndarray, shared: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """L of the covariance of smooth errors, of variance 1 (cell, mode), and the variance that it leaves out (cell,).
+
+    Half of it exp(-distance / LENGTH) over the disc: rough at every scale, as the misfits of real photographs are.
+    Half of it exp(-difference / RADIAL) of the offsets from the shadow's axis: limbs that differ from one another, as
+    the Earth's do, wash out every sharp feature that a symmetric one has. The `MODES` with the largest variance; what
+    is left of it is independent from cell to cell, and the amplitude of independent errors is fitted.
+
+    - `position`: on the disc, in its radii (cell, 2); `offset`: (cell,) [rad].
+    - `shared`: modes that are known already, and are left out (cell, mode).
+    """
+    apart = np.linalg.norm(position[:, None] - position, axis=-1)
+    farther = np.abs(offset[:, None] - offset)
+    covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
+    covariance = centred(covariance)
+    if shared is not None:
+        covariance = covariance - shared @ shared.T
+    modes = largest_modes(covariance, MODES)
+    return modes, np.maximum(np.diag(covariance) - np.sum(modes**2, axis=1), 0.0)
+
+
+def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
+    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
+
+    Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
+    2015, by a fifth over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
+
+    - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
+    """
+    apart = cdist(position[on_disc], position[on_disc])
+    found = largest_modes(centred(np.exp(-0.5 * np.square(apart / BROAD))), BROAD_MODES)
+    modes = np.zeros((on_disc.size, found.shape[1]))
+    modes[on_disc] = found
+    return modes
+
+
+def bent_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
+    """L of the covariance of the squares of broad errors, in units of its root (cell, mode).
+
+    - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
+    """
+    apart = cdist(position[on_disc], position[on_disc])
+    found = largest_modes(np.exp(-np.square(apart / BROAD)), BENT_MODES)
+    modes = np.zeros((on_disc.size, found.shape[1]))
+    modes[on_disc] = found
+    return modes
+
+
+def centred(covariance: np.ndarray) -> np.ndarray:
+    """The same of what is left where means are taken away, of rows and of columns.
+
+    Of the mean over the disc errors say nothing: the exposure is free to meet it, and else meets it no more.
+    """
+    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+
+
+def largest_modes(covariance: np.ndarray, most: int) -> np.ndarray:
+    """L of a covariance (cell, cell), of no more than so many modes (cell, mode)."""
+    last = len(covariance) - 1
+    values, vectors = eigh(covariance, subset_by_index=(max(0, last + 1 - most), last))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def black_modes(value: np.ndarray, floor: float, usable: np.ndarray, error: float) -> np.ndarray:
+    """B: errors of the log of values near black, where a camera cuts off noise, and files have few codes (datum, mode).
+
+    A curve of the value for each channel, smooth over a factor of `BLACK_REACH`: what is wrong with one dark cell is
+    wrong with all that are as dark.
+
+    - `value`: (cell, 3), `floor`, and `error`, of `black_error` [full scale]; `usable`: (cell, 3).
+    """
+    height = np.log(np.maximum(value, 0.0) + floor)
+    line = np.linspace(height.min(), height.max(), BLACK_POINTS)
+    kernel = np.exp(-np.abs(line[:, None] - line) / np.log(BLACK_REACH))
+    curves = largest_modes(kernel, BLACK_MODES).T
+    each = np.stack([np.interp(height, line, curve) for curve in curves], axis=-1) * usable[..., None]
+    each = each * error / np.exp(height)[..., None]
+    return (each[:, :, None] * np.eye(value.shape[1])[..., None]).reshape(value.size, -1)

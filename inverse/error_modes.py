@@ -47,11 +47,7 @@ def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
 
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """
-    apart = cdist(position[on_disc], position[on_disc])
-    found = largest_modes(centred(np.exp(-0.5 * np.square(apart / BROAD))), BROAD_MODES)
-    modes = np.zeros((on_disc.size, found.shape[1]))
-    modes[on_disc] = found
-    return modes
+    return _of_disc(largest_modes(centred(_broad(position[on_disc])), BROAD_MODES), on_disc)
 
 
 def bent_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
@@ -59,8 +55,16 @@ def bent_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
 
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """
-    apart = cdist(position[on_disc], position[on_disc])
-    found = largest_modes(np.exp(-np.square(apart / BROAD)), BENT_MODES)
+    return _of_disc(largest_modes(_broad(position[on_disc]) ** 2, BENT_MODES), on_disc)
+
+
+def _broad(position: np.ndarray) -> np.ndarray:
+    """Correlation of an uneven limb's errors (cell, cell)."""
+    return np.exp(-0.5 * np.square(cdist(position, position) / BROAD))
+
+
+def _of_disc(found: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
+    """Modes of all cells, of those of the disc: the others have none."""
     modes = np.zeros((on_disc.size, found.shape[1]))
     modes[on_disc] = found
     return modes

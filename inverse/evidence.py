@@ -184,14 +184,7 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     exposures = log_exposures([item.photo for item in evidence])
     models, known, sources, values = [], [], [], []
     for item, exposure in zip(evidence, exposures, strict=True):
-        if isinstance(item.photo, Profile):
-            usable = np.isfinite(item.photo.value)
-            value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
-            limit, on_disc = np.zeros(value.shape), np.ones(len(value), dtype=bool)
-        else:
-            assert item.cells is not None and item.registration is not None
-            value, sigma, usable = item.cells.value, item.cells.sigma, item.cells.usable
-            limit, on_disc = item.cells.limit, item.cells.on_disc
+        value, sigma, usable, limit, on_disc = _measured(item)
         black = noise.black_error(value, usable, item.photo.tone_curve)
         floor = floor_of(sigma, usable, black)
         if isinstance(item.photo, Profile):
@@ -230,6 +223,16 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
     return likelihood.centred(list(groups.values()))
+
+
+def _measured(item: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`value`, `sigma`, `usable`, `limit` and `on_disc` of `Cells`, of a profile's bins too."""
+    if isinstance(item.photo, Profile):
+        usable = np.isfinite(item.photo.value)
+        value, sigma = np.where(usable, item.photo.value, 0.0), np.where(usable, item.photo.sigma, 1.0)
+        return value, sigma, usable, np.zeros(value.shape), np.ones(len(value), dtype=bool)
+    assert item.cells is not None
+    return item.cells.value, item.cells.sigma, item.cells.usable, item.cells.limit, item.cells.on_disc
 
 
 def _sharing(sources: list[noise.Sources], models: Sequence, evidence: Sequence[Evidence]) -> list[noise.Sources]:

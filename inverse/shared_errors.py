@@ -1,7 +1,7 @@
 """Smooth errors that the photographs of one eclipse share, and what they make of the joint likelihood.
 
 The limb's errors are the same in all photographs at the same place of the shadow, the map's at the same place of the
-Moon. In the series of 2015-09-28 photographs have seven to eight tenths of their misfits' variance in common, most of
+Moon. In the series of 2015-09-28 photographs have eight to nine tenths of their misfits' variance in common, most of
 it by the place in the shadow (python -m benchmarks.series_2015). Drawn anew for each photograph, such errors would
 average out over a series, and make its intervals half as wide.
 

@@ -36,16 +36,21 @@ def disc(count=14):
     return position, np.hypot(position[:, 0] + 1.2, position[:, 1]) * 4.6e-3
 
 
+def smooth_covariance(position, offset):
+    apart, farther = np.linalg.norm(position[:, None] - position, axis=-1), np.abs(offset[:, None] - offset)
+    return 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(-farther / error_modes.RADIAL)
+
+
+def about_the_mean(covariance):
+    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+
+
 def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     position, offset = disc()
     modes, rest = error_modes.smooth_modes(position, offset)
     assert modes.shape == (len(position), error_modes.MODES)
     assert np.abs(modes.mean(axis=0)).max() < 1e-8
-    apart = np.linalg.norm(position[:, None] - position, axis=-1)
-    wanted = 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(
-        -np.abs(offset[:, None] - offset) / error_modes.RADIAL
-    )
-    wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
+    wanted = about_the_mean(smooth_covariance(position, offset))
     left = wanted - modes @ modes.T
     assert np.trace(left) < 0.2 * np.trace(wanted)
     assert np.linalg.eigvalsh(left).min() > -1e-9
@@ -125,12 +130,13 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
 
 
 def test_what_the_modes_leave_is_independent():
-    """Of every cell on the disc the smooth errors have the variance that drawn ones have about their mean over it."""
+    """Of every cell on the disc the smooth errors have their whole variance about the mean over it, as drawn ones have,
+    and none of those of the sky."""
     position, offset = disc(30)
     cells, usable = len(position), np.full((len(position), 3), True)
-    on_disc = np.full(cells, True)
+    on_disc = np.arange(cells) < cells - 10
     modes, left = noise.modes_of(position, offset, on_disc)
-    none = np.zeros((cells, 0))
+    modes, none = modes * on_disc[:, None], np.zeros((cells, 0))  # the sky's own errors left out
     errors = noise.Sources(
         np.full((cells, 3), 0.01), np.zeros(cells), modes, left, none, none, 0.004, noise.BLACK, usable, on_disc
     )
@@ -138,16 +144,16 @@ def test_what_the_modes_leave_is_independent():
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
     )
-    apart = np.linalg.norm(position[:, None] - position, axis=-1)
-    covariance = 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(
-        -np.abs(offset[:, None] - offset) / error_modes.RADIAL
-    )
-    normal = np.random.default_rng(4).standard_normal((cells, 4000))
-    drawn = np.linalg.cholesky(covariance + 1e-9 * np.eye(cells)) @ normal
+    covariance, alone = smooth_covariance(position[on_disc], offset[on_disc]), noise.TINT**2 + 0.01**2
+    smooth = (noise.COMMON**2 + noise.CHROMATIC**2) * np.diag(about_the_mean(covariance))
+    np.testing.assert_allclose(both[on_disc], np.broadcast_to((smooth + alone)[:, None], (cells - 10, 3)), rtol=1e-6)
+    np.testing.assert_allclose(both[~on_disc], alone, rtol=1e-6)
+    normal = np.random.default_rng(4).standard_normal((cells - 10, 4000))
+    drawn = np.linalg.cholesky(covariance + 1e-9 * np.eye(cells - 10)) @ normal
     variance = (drawn - drawn.mean(axis=0)).var(axis=1)
-    wanted = (noise.COMMON**2 + noise.CHROMATIC**2) * variance + noise.TINT**2 + 0.01**2
-    np.testing.assert_allclose(both.mean(axis=1), wanted, rtol=0.1)
-    assert np.mean(both) == pytest.approx(wanted.mean(), rel=0.01)
+    wanted = (noise.COMMON**2 + noise.CHROMATIC**2) * variance + alone
+    np.testing.assert_allclose(both[on_disc].mean(axis=1), wanted, rtol=0.1)
+    assert np.mean(both[on_disc]) == pytest.approx(wanted.mean(), rel=0.01)
 
 
 def test_the_whole_error_is_that_of_the_modes_and_of_a_limit_too():
@@ -198,8 +204,7 @@ def test_an_uneven_limb_makes_broad_errors_of_the_light_alike_in_all_channels():
     on_disc = np.hypot(*position.T) < 0.9
     broad = error_modes.broad_modes(position, on_disc)
     apart = np.linalg.norm(position[on_disc][:, None] - position[on_disc], axis=-1)
-    wanted = np.exp(-0.5 * (apart / error_modes.BROAD) ** 2)
-    wanted = wanted - wanted.mean(axis=0) - wanted.mean(axis=1)[:, None] + wanted.mean()
+    wanted = about_the_mean(np.exp(-0.5 * (apart / error_modes.BROAD) ** 2))
     assert np.abs(broad[on_disc] @ broad[on_disc].T - wanted).max() < 0.03
     assert not broad[~on_disc].any()
     cells = len(position)

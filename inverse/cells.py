@@ -18,7 +18,8 @@ LEAST_USABLE = 0.9  # of a cell's pixels
 class Cells:
     """Mean linear light of square cells.
 
-    - `right`, `up`: of the cell's centre from the disc's, in radii, along the picture's sides (cell,).
+    - `right`, `up`: of the cell's pixels, in the mean, from the disc's centre, in radii, along the picture's sides
+      (cell,).
     - `value`: mean light [full scale] (cell, 3), or a limit to it; `sigma`: its standard deviation from pixel noise.
     - `usable`: where `value` is a mean (cell, 3).
     - `limit`: 1 where it is a lower limit, since pixels are overexposed; -1 an upper one, since they are black; else 0
@@ -69,12 +70,13 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     # JPEG blocks and demosaicking tie some four pixels to one independent one.
     sigma = np.sqrt(np.maximum(scatter, stated) * np.minimum(4.0, safe) / safe)
 
-    cell_row, cell_column = np.divmod(np.arange(side * side), side)
-    up = -(cell_row + 0.5 - half) / per_radius
-    right = (cell_column + 0.5 - half) / per_radius
-    distance = np.hypot(right, up)
-    corner = distance + np.sqrt(0.5) / per_radius
+    middle = (np.arange(side) + 0.5 - half) / per_radius
+    corner = np.hypot(*np.meshgrid(middle, middle)).ravel() + np.sqrt(0.5) / per_radius
     on_disc = corner < DISC_MARGIN
+    down = _where(row_cell, (row - registration.row) / registration.radius, middle)
+    right = _where(column_cell, (column - registration.column) / registration.radius, middle)
+    right, up = (axis.ravel() for axis in np.meshgrid(right, -down))
+    distance = np.hypot(right, up)
     good = (count >= LEAST_USABLE * everything) & (everything > 0)
     # What is overexposed is at least as bright as the least of it, what is black at most as bright as the most of it.
     over, under = total(saturated), total(black)
@@ -91,6 +93,19 @@ def bin_photo(photo, registration, *, per_radius: int = CELLS_PER_RADIUS) -> Cel
     repeated = slice(on_disc.sum() + seen.size, None)  # only to fill the array
     usable[repeated], limit[repeated] = False, 0.0
     return Cells(right[chosen], up[chosen], mean[chosen], sigma[chosen], usable, limit, on_disc[chosen])
+
+
+def _where(cell: np.ndarray, place: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Mean place of the pixels of each row of cells (cell,), up to half a pixel from its middle.
+
+    Where a whole number of pixels fits into a cell, all cells are off alike, and the disc with them.
+
+    - `cell`, `place`: of each row of pixels (pixel,); `middle`: of each of cells, where there are no pixels (cell,).
+    """
+    inside = (cell >= 0) & (cell < middle.size)
+    count = np.bincount(cell[inside], minlength=middle.size)
+    total = np.bincount(cell[inside], place[inside], middle.size)
+    return np.where(count > 0, total / np.maximum(count, 1), middle)
 
 
 def _end(pixels: np.ndarray, chosen: np.ndarray, extreme) -> np.ndarray:

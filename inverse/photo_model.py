@@ -60,8 +60,9 @@ class Disc(eqx.Module):
         """What lies behind them, with the corrections of `nuisance` to the pointing."""
         scale = MOON_RADIUS / jnp.linalg.norm(later.moon - later.observer)  # tangent of the radius to 1e-5
         roll = roll + nuisance["pointing.roll"]
+        larger = 1.0 + nuisance["pointing.radius"]
         right, up = (
-            (middle - nuisance[f"pointing.{name}"])[:, None] + self.size * WITHIN[axis]
+            ((middle - nuisance[f"pointing.{name}"])[:, None] + self.size * WITHIN[axis]) / larger
             for axis, (name, middle) in enumerate((("right", self.right), ("up", self.up)))
         )
         left = right if mirror else -right
@@ -194,13 +195,11 @@ def developed(model, light, nuisance):
     exposed = light * jnp.exp(exposure + balance)
     if model.tone_curve == "linear":
         return exposed
-    mixed = exposed @ (model.primaries @ colour_matrix(nuisance)).T
-    # Deep red turns green and blue negative; cameras clip there, we round the corner a little above zero.
-    corner = CORNER * jnp.mean(exposed, axis=-1, keepdims=True)
-    positive = 0.5 * (mixed + jnp.sqrt(mixed**2 + corner**2))
-    # Nor does its black begin at a corner: below one the light would have no slope.
-    lit = positive - nuisance["tone.black"]
-    positive = 0.5 * (lit + jnp.sqrt(lit**2 + BLACK_CORNER**2))
+    lit = exposed @ (model.primaries @ colour_matrix(nuisance)).T - nuisance["tone.black"]
+    # Deep red turns green and blue negative; cameras clip there, and we round the corner: below one the light would
+    # have no slope.
+    corner = jnp.hypot(CORNER * jnp.mean(exposed, axis=-1, keepdims=True), BLACK_CORNER)
+    positive = 0.5 * (lit + jnp.hypot(lit, corner))
     style = ToneCurve(**{name: nuisance[f"tone.{name}"] for name in ("exponent", "toe", "shoulder")})
     return tone_curve(positive, Camera(exposure=Exposure(), tone=style))
 

@@ -77,6 +77,7 @@ PHOTOGRAPH = (
     Parameter("camera.veil", "of the disc's median", "lognormal", 0.01, 1.5, "sky glow, even over the frame"),
     Parameter("pointing.right", "radius", "normal", 0.0, 0.01, "error of the registration"),
     Parameter("pointing.up", "radius", "normal", 0.0, 0.01, "error of the registration"),
+    Parameter("pointing.radius", "radius", "normal", 0.0, 0.003, "error of the registration: 0.3 % in one of 20"),
     Parameter("pointing.roll", "rad", "normal", 0.0, 0.02, "error of the registration"),
     Parameter("clock", "s", "normal", 0.0, CLOCK, "of the camera, or of who wrote the time down"),
 )
@@ -97,7 +98,10 @@ OF_CAMERA = frozenset(
 
 # What changes which points of the Moon a photograph shows, or how bright they are in sunlight: all else acts on light.
 OF_THE_VIEW = frozenset(
-    ["albedo.contrast", "pointing.right", "pointing.up", "pointing.roll", "pointing.offset", "clock"]
+    [
+        "albedo.contrast", "pointing.right", "pointing.up", "pointing.radius", "pointing.roll", "pointing.offset",
+        "clock",
+    ]
 )
 
 

@@ -45,7 +45,7 @@ def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any
     fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number)
     registration = fit.photos[0].registration
     assert registration is not None
-    right, up, roll = (fit.estimates[f"1.pointing.{name}"].map for name in ("right", "up", "roll"))
+    right, up, larger, roll = (fit.estimates[f"1.pointing.{name}"].map for name in ("right", "up", "radius", "roll"))
     row, column, radius = registration.row, registration.column, registration.radius
     turn = (registration.roll - drawn.roll + np.pi) % (2.0 * np.pi) - np.pi
     return row_of(number, fit, drawn.limb) | {
@@ -54,6 +54,7 @@ def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any
             np.hypot(row - radius * up - drawn.row, column + radius * right - drawn.column)
         ),
         "radius_error": radius / drawn.radius - 1.0,
+        "fitted_radius_error": radius * (1.0 + larger) / drawn.radius - 1.0,
         "roll_error_deg": float(np.degrees(turn)),
         "fitted_roll_error_deg": float(np.degrees(turn + roll)),
         "clock_error_s": fit.estimates["1.clock"].map - drawn.nuisance["clock"],
@@ -131,8 +132,8 @@ def summary(rows: list[dict]) -> dict:
     found["optical depth"] = {about: accuracy(fits, *ends) for about, ends in DEPTHS.items()}
     methods = [row["method"] for row in fits]
     found["methods"] = {method: methods.count(method) for method in sorted(set(methods))}
-    for name in ("centre_error_px", "fitted_centre_error_px", "radius_error", "roll_error_deg",
-                 "fitted_roll_error_deg", "clock_error_s", "seconds"):  # fmt: skip
+    for name in ("centre_error_px", "fitted_centre_error_px", "radius_error", "fitted_radius_error",
+                 "roll_error_deg", "fitted_roll_error_deg", "clock_error_s", "seconds"):  # fmt: skip
         values = np.abs([row[name] for row in fits])
         found[name] = {"median": float(np.median(values)), "95 %": float(np.quantile(values, 0.95))}
     return found

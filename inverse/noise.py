@@ -24,7 +24,9 @@ from inverse.whitener import Alone, Whitener, whitener
 # Relative errors of the light of one cell, alike in all channels (craters, the map's own errors) and in each. Local
 # misfits of photographs of 2015 and 2022 are 1.6-3.5 % and 0.6-2.4 % (python -m benchmarks.local_errors).
 RELIEF, TINT = 0.035, 0.012
-SKY = 0.3  # relative error of the sky's brightness beside the Moon, all over it: glare is modelled coarsely
+# Relative errors of the sky's brightness beside the Moon, all over it, since glare is modelled coarsely, and of the
+# colours of each of its cells: JPEG rounds those of a flat sky alike over dozens of cells, so that they do not average.
+SKY, SKY_TINT = 0.3, 0.1
 COMMON = 0.10  # amplitude of the smooth error common to the channels
 CHROMATIC = 0.04  # amplitude of that of each channel
 # Amplitude of the light's differences from one side of the shadow to another: in the dozen photographs of 2015, 2022
@@ -212,6 +214,11 @@ class Sources:
     on_disc: np.ndarray
     shared: int = 0
 
+    @property
+    def tint(self) -> np.ndarray:
+        """Relative error of each cell's light in each channel (cell,)."""
+        return np.where(self.on_disc, TINT, SKY_TINT)
+
     def sizes(self, smooth: float, chromatic: float, uneven: float) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,)."""
         each, broad = (np.sum(modes**2, axis=1) * self.on_disc for modes in (self.smooth, self.broad))
@@ -236,7 +243,7 @@ class Sources:
         broad = _of_values([alike, *(COLOURED * by_channel)], self.broad)
         # What the modes leave of the smooth errors' variance is as good as independent from cell to cell.
         relief = np.sqrt(self.relief**2 + COMMON**2 * self.left)[:, None] * alike
-        tint = (TINT**2 + CHROMATIC**2 * self.left)[:, None, None]
+        tint = (self.tint**2 + CHROMATIC**2 * self.left)[:, None, None]
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
         fixed = black_modes(value, self.floor, self.usable, self.black)
@@ -253,7 +260,7 @@ class Sources:
         """`Errors.variances`."""
         alike, each = np.square(response.sum(axis=2)), np.square(response).sum(axis=2)
         black = self.black / (np.maximum(value, 0.0) + self.floor)
-        alone = self.relief[:, None] ** 2 * alike + TINT**2 * each + black**2
+        alone = self.relief[:, None] ** 2 * alike + self.tint[:, None] ** 2 * each + black**2
         on_disc = self.on_disc[:, None]
         kinds = [alone, on_disc * alike, on_disc * each, on_disc * (alike + COLOURED**2 * each)]
         return np.stack(kinds).reshape(len(kinds), -1)

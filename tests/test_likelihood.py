@@ -11,6 +11,7 @@ import pytest
 
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import geometry
+from eclipsejax.moon import Moon
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
 from inverse import assumed_camera, prior
@@ -20,7 +21,7 @@ from inverse.limb_light import shadow_light, shadow_of
 from inverse.map_estimate import quadratic
 from inverse.noise import Bending
 from inverse.observed import LEAST_ERROR
-from inverse.photo_model import COLOUR_MATRIX, developed, log_value, signal
+from inverse.photo_model import COLOUR_MATRIX, Disc, developed, log_value, signal
 from tests import synthetic
 
 
@@ -90,6 +91,28 @@ def test_light_below_black_is_dark_but_has_a_slope():
     assert 0.0 < grey(0.004) < 1e-4
     assert grey(0.2) == pytest.approx(0.19, rel=1e-3)
     assert jax.grad(grey)(0.004) > 0.0
+
+
+def test_what_a_camera_clips_is_black_even_where_its_black_is_too_bright():
+    # Where blue is below nothing by more than a black taken too low adds, the file holds 0.
+    low = nuisances(tone_black=-0.005, tone_exponent=1.0, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=1.0)
+    for light, mixed in (([0.5, 0.01, 0.001], 0.0256), ([0.02, 0.04, 0.001], -0.0192)):
+        assert COLOUR_MATRIX[2] @ light == pytest.approx(mixed, abs=1e-4)
+        blue = developed(camera("srgb"), jnp.asarray([light]), low)[0, 2]
+        assert blue == pytest.approx(max(mixed + 0.005, 0.0), abs=2e-4)
+
+
+def test_a_disc_that_is_larger_shows_what_lies_nearer_to_its_middle():
+    where = geometry("2022-05-16T03:00:00Z")
+    right, up = jnp.asarray([0.0, 0.505, -0.303]), jnp.asarray([0.0, 0.404, 0.707])
+    moon = Moon(albedo_map=np.ones((2, 4)))
+
+    def offset(disc, **given):
+        return np.asarray(disc.surface(where, 0.3, False, moon, nuisances(**given)).offset)
+
+    larger = offset(Disc(right, up, 0.0), pointing_radius=0.01)
+    np.testing.assert_allclose(larger, offset(Disc(right / 1.01, up / 1.01, 0.0)), rtol=1e-12)
+    assert np.abs(larger - offset(Disc(right, up, 0.0)))[1:].min() > 1e-6
 
 
 def test_what_photographs_share_has_one_place():

@@ -71,7 +71,7 @@ def sources(sigma, modes, *, relief=0.0, usable=True):
         0.004,
         noise.BLACK,
         usable,
-        np.zeros(cells),
+        np.ones(cells, dtype=bool),
     )
 
 
@@ -97,6 +97,14 @@ def test_a_colour_matrix_mixes_the_errors_of_the_light():
     of_cell = 0.02**2 * np.eye(3) + 0.05**2 * np.outer(alike, alike) + noise.TINT**2 * matrix @ matrix.T
     assert np.allclose(errors.cells[usable.all(axis=1)], of_cell, rtol=1e-12)
     assert not scaled[~used].any() and np.allclose(errors.scale[~used], 0.02)
+
+
+def test_colours_of_the_sky_are_known_less_well_than_the_discs():
+    known = replace(sources(0.02, np.zeros((4, 1))), on_disc=np.array([True, True, False, False]))
+    errors = known.errors(bright(np.zeros((4, 1))), np.broadcast_to(np.eye(3), (4, 3, 3)))
+    for tint, of_cells in zip((noise.TINT, noise.SKY_TINT), (errors.cells[:2], errors.cells[2:]), strict=True):
+        np.testing.assert_allclose(of_cells, np.broadcast_to((0.02**2 + tint**2) * np.eye(3), (2, 3, 3)), rtol=1e-12)
+        assert tint in (0.012, 0.1)
 
 
 def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
@@ -147,7 +155,7 @@ def test_what_the_modes_leave_is_independent():
     covariance, alone = smooth_covariance(position[on_disc], offset[on_disc]), noise.TINT**2 + 0.01**2
     smooth = (noise.COMMON**2 + noise.CHROMATIC**2) * np.diag(about_the_mean(covariance))
     np.testing.assert_allclose(both[on_disc], np.broadcast_to((smooth + alone)[:, None], (cells - 10, 3)), rtol=1e-6)
-    np.testing.assert_allclose(both[~on_disc], alone, rtol=1e-6)
+    np.testing.assert_allclose(both[~on_disc], noise.SKY_TINT**2 + 0.01**2, rtol=1e-6)
     normal = np.random.default_rng(4).standard_normal((cells - 10, 4000))
     drawn = np.linalg.cholesky(covariance + 1e-9 * np.eye(cells - 10)) @ normal
     variance = (drawn - drawn.mean(axis=0)).var(axis=1)
@@ -169,9 +177,9 @@ def test_the_whole_error_is_that_of_the_modes_and_of_a_limit_too():
     ).errors(np.full((cells, 3), 0.5), response)  # fmt: skip
     found = replace(made, independent=2.0, smooth=0.2, chromatic=0.1, uneven=0.3).whole.reshape(cells, 3)
     alike, each = random.standard_normal((2, 1, 200_000)), random.standard_normal((3, 3, 200_000))
-    own = 2.0 * (0.05 * alike[0] + noise.TINT * each[0])
+    own, of_sky = (2.0 * (0.05 * alike[0] + tint * each[0]) for tint in (noise.TINT, noise.SKY_TINT))
     limb = 0.2 * random.standard_normal(200_000) + 0.1 * each[1] + 0.3 * (alike[1] + noise.COLOURED * each[2])
-    for light, where in ((own + limb, on_disc), (own, ~on_disc)):
+    for light, where in ((own + limb, on_disc), (of_sky, ~on_disc)):
         wanted = (response[0] @ light).std(axis=1)
         np.testing.assert_allclose(found[where], np.broadcast_to(wanted, found[where].shape), rtol=0.02)
 

@@ -1,6 +1,6 @@
 """The posterior of the limb: a density over the few parameters of the air, which all photographs share.
 
-The nuisances of the photographs are at their best under each limb, found by a few steps with the slopes at the optimum.
+The nuisances of the photographs are at their best under each limb, found by a few steps (`inverse.secants`).
 That is their marginal but for a determinant, which changed by less than 1 in the log over several posteriors. To first
 order about the optimum alone it would not do: tone curve, colour matrix and exposure bend together, and an interval
 three times too narrow was seen. A sampler then sees only the atmosphere. Which points of the Moon a photograph shows,
@@ -16,18 +16,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.linalg import cho_factor, cho_solve
 
 from inverse.likelihood import LIMB, Likelihood, misfit_of
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.observed import Observed
 from inverse.photo_model import of_the_view, seen_and_slopes
+from inverse.secants import Secants
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
-STEPS = 4  # of the nuisances after the linear guess, at most
+NEARER = (0.5, 0.0)  # shares of the linear guess tried where it is hopeless
+STEPS = 8  # of the nuisances after that, at most
 SETTLED = 0.05  # fall of the squares that is not worth another step
 TRIED, HOPELESS = 2, 50.0  # steps after which a limb is left that promises squares this far above the optimum's
 SHORTER = 0.3  # a step that made things worse, when it is tried again
@@ -77,7 +78,7 @@ class Surroundings:
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.optimum, self.limb = likelihood, optimum, optimum.limb
-        self.information = cho_factor(optimum.information[LIMB:, LIMB:])
+        self.information = optimum.information[LIMB:, LIMB:]
         slopes = []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
             everywhere = np.zeros((len(by), optimum.z.size))
@@ -90,30 +91,41 @@ class Surroundings:
     def best(self, limbs: np.ndarray) -> np.ndarray:
         """Whitened misfits and nuisances, which are at their best under limbs (draw, parameter).
 
-        Steps are taken from the best so far, shorter after a bad one.
+        Where the nuisances of the linear guess are far too bad, those between it and the optimum's are tried. Steps are
+        taken from the best so far, shorter after a bad one, with slopes that learn from all of them (`Secants`).
         """
         entries = batched(partial(_entries, self.likelihood.shadow), limbs)
-        count, moving = self.slopes.shape[1], np.arange(len(limbs))
-        best = self._rows(entries, self.optimum.nuisances(limbs))
-        least, share = _squares(best), np.ones(len(limbs))
+        count, here = self.slopes.shape[1], self.optimum.z[LIMB:]
         hopeless = self.optimum.cost + HOPELESS - np.sum(limbs**2, axis=1)
+        guess = self.optimum.nuisances(limbs)
+        best = self._rows(entries, guess)
+        least = _squares(best)
+        for part in NEARER:
+            bad = np.flatnonzero(least > hopeless)
+            if bad.size:
+                rows = self._rows(entries[bad], here + part * (guess[bad] - here))
+                better = _squares(rows) < least[bad]
+                best[bad[better]] = rows[better]
+                least = _squares(best)
+        slopes = Secants(self.slopes, self.information, len(limbs))
+        moving, share = np.arange(len(limbs)), np.ones(len(limbs))
         for tried in range(STEPS):
             known = np.where(np.isfinite(best[moving]), best[moving], 0.0)
-            gradient = known[:, :-count] @ self.slopes + known[:, -count:]
-            step = cho_solve(self.information, gradient.T).T
+            gradient = slopes.transposed(moving, known[:, :-count]) + known[:, -count:]
+            step = slopes.step(moving, gradient)
             fall = np.sum(gradient * step, axis=1)  # of the squares, were they a parabola
             promising = fall * share[moving] * (2.0 - share[moving]) > SETTLED
             if tried >= TRIED:
                 promising &= least[moving] - fall < hopeless[moving]
-            moving, step = moving[promising], step[promising]
+            moving, move, known = moving[promising], -(share[moving, None] * step)[promising], known[promising]
             if not moving.size:
                 break
-            rows = self._rows(entries[moving], best[moving, -count:] - share[moving, None] * step)
-            squares = _squares(rows)
-            better, much = squares < least[moving], squares < least[moving] - SETTLED
+            rows = self._rows(entries[moving], best[moving, -count:] + move)
+            slopes.learn(moving, move, rows[:, :-count] - known[:, :-count])
+            better = _squares(rows) < least[moving]
             share[moving] = np.where(better, 1.0, SHORTER * share[moving])
-            best[moving[better]], least[moving[better]] = rows[better], squares[better]
-            moving = moving[~better | much]
+            best[moving[better]] = rows[better]
+            least[moving[better]] = _squares(rows[better])
         return best
 
     def _rows(self, entries: np.ndarray, nuisances: np.ndarray) -> np.ndarray:

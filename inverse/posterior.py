@@ -78,7 +78,6 @@ class Surroundings:
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.optimum, self.limb = likelihood, optimum, optimum.limb
-        self.information = optimum.information[LIMB:, LIMB:]
         slopes = []
         for number, (_, by) in enumerate(likelihood.misfits_and_slopes(optimum.z)):
             everywhere = np.zeros((len(by), optimum.z.size))
@@ -100,14 +99,19 @@ class Surroundings:
         guess = self.optimum.nuisances(limbs)
         best = self._rows(entries, guess)
         least = _squares(best)
+
+        def keep(which, rows):
+            """Rows of the draws `which`, where they are better; and whether they are."""
+            squares = _squares(rows)
+            better = squares < least[which]
+            best[which[better]], least[which[better]] = rows[better], squares[better]
+            return better
+
         for part in NEARER:
             bad = np.flatnonzero(least > hopeless)
             if bad.size:
-                rows = self._rows(entries[bad], here + part * (guess[bad] - here))
-                better = _squares(rows) < least[bad]
-                best[bad[better]] = rows[better]
-                least = _squares(best)
-        slopes = Secants(self.slopes, self.information, len(limbs))
+                keep(bad, self._rows(entries[bad], here + part * (guess[bad] - here)))
+        slopes = Secants(self.slopes, self.optimum.information[LIMB:, LIMB:], len(limbs))
         moving, share = np.arange(len(limbs)), np.ones(len(limbs))
         for tried in range(STEPS):
             known = np.where(np.isfinite(best[moving]), best[moving], 0.0)
@@ -122,10 +126,7 @@ class Surroundings:
                 break
             rows = self._rows(entries[moving], best[moving, -count:] + move)
             slopes.learn(moving, move, rows[:, :-count] - known[:, :-count])
-            better = _squares(rows) < least[moving]
-            share[moving] = np.where(better, 1.0, SHORTER * share[moving])
-            best[moving[better]] = rows[better]
-            least[moving[better]] = _squares(rows[better])
+            share[moving] = np.where(keep(moving, rows), 1.0, SHORTER * share[moving])
         return best
 
     def _rows(self, entries: np.ndarray, nuisances: np.ndarray) -> np.ndarray:

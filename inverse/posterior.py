@@ -22,6 +22,7 @@ from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.observed import Observed
 from inverse.photo_model import of_the_view, seen_and_slopes
+from inverse.ridge import ridge
 from inverse.secants import Secants
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
@@ -37,25 +38,28 @@ SHORTER = 0.3  # a step that made things worse, when it is tried again
 class LimbPosterior:
     """Log posterior of the limb up to a constant, the nuisances at their best.
 
-    Nuisances are sought from those at the nearest of the optimum and its rivals.
+    Nuisances are sought from those at the nearest of the optimum, its rivals and the points of its `ridge`.
 
     - `evaluated`, `not_finite`: at how many points it was asked for, and at how many it was not a finite number.
     """
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
-        self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals)]
+        self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *ridge(likelihood, optimum))]
         self.evaluated = self.not_finite = 0
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        squares = np.concatenate([np.sum(rows**2, axis=1) for rows in self._parts(z)])
+        squares = np.empty(len(z))
+        for which, rows in self._parts(z):
+            squares[which] = np.sum(rows**2, axis=1)
         value = log_density(z, squares)
         self._count(value)
         return value
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
         """Whitened misfits and the nuisances (draw, datum), whose squares make the `log_density`."""
-        found = np.concatenate(list(self._parts(z)))
+        places, rows = zip(*self._parts(z), strict=True)
+        found = np.concatenate(rows)[np.argsort(np.concatenate(places))]
         self._count(np.sum(found, axis=1))
         return found
 
@@ -63,18 +67,18 @@ class LimbPosterior:
         self.evaluated += values.size
         self.not_finite += int(np.sum(~np.isfinite(values)))
 
-    def _parts(self, z: np.ndarray) -> Iterator[np.ndarray]:
-        """Misfits, `AT_ONCE` points at a time."""
+    def _parts(self, z: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Which points, `AT_ONCE` at most, and their misfits."""
         nearest = np.argmax([end.limb.log_density(z) for end in self.ends], axis=0)
-        for begin in range(0, len(z), AT_ONCE):
-            part = slice(begin, begin + AT_ONCE)
-            groups = [np.flatnonzero(nearest[part] == number) for number in range(len(self.ends))]
-            rows = [end.best(z[part][group]) for end, group in zip(self.ends, groups, strict=True) if group.size]
-            yield np.concatenate(rows)[np.argsort(np.concatenate(groups))]
+        for number, end in enumerate(self.ends):
+            own = np.flatnonzero(nearest == number)
+            for begin in range(0, own.size, AT_ONCE):
+                which = own[begin : begin + AT_ONCE]
+                yield which, end.best(z[which])
 
 
 class Surroundings:
-    """The posterior about one optimum."""
+    """The posterior about one optimum, or about the best point with some quantities fixed."""
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.optimum, self.limb = likelihood, optimum, optimum.limb

@@ -100,7 +100,7 @@ class Holed(LimbPosterior):
 
     def _parts(self, z):
         misfits = np.sqrt(1 / 0.04 - 1) * (z - DUSTY / (1 - 0.04))
-        yield np.where(z[:, 1:2] > self.wall, np.nan, misfits)
+        yield np.arange(len(z)), np.where(z[:, 1:2] > self.wall, np.nan, misfits)
 
 
 @pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (640, "emcee")])

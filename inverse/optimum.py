@@ -6,8 +6,9 @@ another end is far from the best, and wide, the posterior may be there too, as o
 kept.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,13 +17,14 @@ from inverse import prior
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum, descend
 from inverse.noise_fit import fitted_errors
+from inverse.threads import side_by_side
 
 # z of some quantities: high clouds in cold air and low ones in warm look alike.
 STARTED = ("clouds.top", "dust.extinction", "air.surface_temperature")
 STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2))
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
 ROUGH = 1e-3  # relative change of the cost at which descents end that are only compared
-STAGES = 3 * len(STARTS)
+STAGES = 3 * len(STARTS) + 1
 APART = 2.0  # standard deviations between ends that are two
 SHARE = 1e-3  # of the posterior at the best end: where there is less, another end is forgotten
 
@@ -35,25 +37,29 @@ def best(
     - `neighbours`: of the cells of each photograph, as `fitted_errors` takes them.
     - `report`: called with the number of `STAGES` done.
     """
-    first = []
-    for number, start in enumerate(starts(likelihood), 1):
-        first.append(roughly(likelihood, start))
-        report(number)
+
+    def told(found: Iterator[Optimum], before: int) -> list[Optimum]:
+        ends = []
+        for number, end in enumerate(found, before + 1):
+            ends.append(end)
+            report(number)
+        return ends
+
+    first = told(side_by_side(partial(roughly, likelihood), starts(likelihood), compiled=False), 0)
     likelihood = _with_errors(likelihood, _lowest(first), neighbours)
-    ends = []
-    for number, end in enumerate(first, len(first) + 1):
-        ends.append(descend(likelihood, end.z, ROUGH))
-        report(number)
+    ends = told(_anew(likelihood, first), len(STARTS))
     likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
-    last = []
-    for number, end in enumerate(ends, 2 * len(STARTS)):
-        report(number)
-        last.append(descend(likelihood, end.z, ROUGH))
+    last = told(_anew(likelihood, ends), 2 * len(STARTS))
     optimum = descend(likelihood, _lowest(last).z)
     report(STAGES)
     lost = sum(end.not_finite for end in (*first, *ends, *last, optimum))
     costs = tuple(end.cost for end in last)
     return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last)), likelihood
+
+
+def _anew(likelihood: Likelihood, ends: Sequence[Optimum]) -> Iterator[Optimum]:
+    """Descents from ends that had other errors."""
+    return side_by_side(lambda end: descend(likelihood, end.z, ROUGH), ends)
 
 
 def rivals(optimum: Optimum, ends: Sequence[Optimum]) -> tuple[Optimum, ...]:

@@ -24,13 +24,14 @@ from inverse.observed import Observed
 from inverse.photo_model import of_the_view, seen_and_slopes
 from inverse.ridge import ridge
 from inverse.secants import Secants
+from inverse.threads import side_by_side
 
 BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
 TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
 NEARER = (0.5, 0.0)  # shares of the linear guess tried where it is hopeless
 STEPS = 8  # of the nuisances after that, at most
-SETTLED = 0.05  # fall of the squares that is not worth another step
+SETTLED = 0.2  # fall of the squares that is not worth another step
 TRIED, HOPELESS = 2, 50.0  # steps after which a limb is left that promises squares this far above the optimum's
 SHORTER = 0.3  # a step that made things worse, when it is tried again
 
@@ -70,11 +71,13 @@ class LimbPosterior:
     def _parts(self, z: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Which points, `AT_ONCE` at most, and their misfits."""
         nearest = np.argmax([end.limb.log_density(z) for end in self.ends], axis=0)
-        for number, end in enumerate(self.ends):
-            own = np.flatnonzero(nearest == number)
-            for begin in range(0, own.size, AT_ONCE):
-                which = own[begin : begin + AT_ONCE]
-                yield which, end.best(z[which])
+        groups = [np.flatnonzero(nearest == number) for number in range(len(self.ends))]
+        parts = [
+            (end, own[begin : begin + AT_ONCE])
+            for end, own in zip(self.ends, groups, strict=True)
+            for begin in range(0, own.size, AT_ONCE)
+        ]
+        return side_by_side(lambda part: (part[1], part[0].best(z[part[1]])), parts, compiled=self.evaluated > 0)
 
 
 class Surroundings:

@@ -10,6 +10,7 @@ import numpy as np
 
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, descend
+from inverse.threads import side_by_side
 
 ALONG = "clouds.top"
 TOPS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # z of the tops
@@ -22,9 +23,9 @@ def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
     """The best points with each of the tops, from the optimum on to either side, as far as they are likely."""
     place = [parameter.name for parameter in likelihood.parameters].index(ALONG)
     free = np.delete(np.arange(optimum.z.size), place)
-    found = []
-    for tops in (TOPS[TOPS > optimum.z[place] + APART], TOPS[TOPS < optimum.z[place] - APART][::-1]):
-        last = optimum
+
+    def along(tops):
+        found, last = [], optimum
         for top in tops:
             start = last.z.copy()
             start[place] = top
@@ -32,4 +33,7 @@ def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
             if last.cost > optimum.cost + LIKELY:
                 break
             found.append(last)
-    return found
+        return found
+
+    higher, lower = TOPS[TOPS > optimum.z[place] + APART], TOPS[TOPS < optimum.z[place] - APART][::-1]
+    return [point for side in side_by_side(along, [higher, lower]) for point in side]

@@ -10,7 +10,7 @@ from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB
 from inverse.map_estimate import Optimum, descend, quadratic
 from inverse.posterior import BATCH, LimbPosterior
-from inverse.ridge import APART, LIKELY, TOPS, ridge
+from inverse.ridge import ALONG, APART, LIKELY, PLACES, ridge
 
 
 @pytest.fixture(scope="module")
@@ -59,20 +59,21 @@ def test_nuisances_are_at_their_best(likelihood):
     assert worse[likely].max() < 1.5 and np.median(worse[likely]) < 0.2
 
 
-def test_the_ridge_has_the_best_points_under_other_cloud_tops(likelihood):
-    """Nothing but the top pulls there, and the posterior has their nuisances where a full descent finds them."""
+def test_the_ridge_has_the_best_points_under_other_clouds_and_dust(likelihood):
+    """One quantity aside, nothing pulls there, and the posterior has their nuisances where a full descent does."""
     optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     found = ridge(likelihood, optimum)
-    top = [parameter.name for parameter in likelihood.parameters].index("clouds.top")
-    tops = [point.z[top] for point in found]
-    assert len(found) > 1 and set(tops) <= set(TOPS) and min(abs(tops - optimum.z[top])) > APART
-    free, nuisances = np.delete(np.arange(optimum.z.size), top), np.arange(LIMB, optimum.z.size)
+    names = [parameter.name for parameter in likelihood.parameters]
     for point in found:
         here = quadratic(likelihood, point.z)
+        [number] = [names.index(name) for name in ALONG if point.z[names.index(name)] in PLACES]
+        free = np.delete(np.arange(optimum.z.size), number)
         gradient, information = here.gradient[free], here.information[np.ix_(free, free)]
         assert gradient @ np.linalg.solve(information, gradient) < 0.5  # of the cost
+        assert abs(point.z[number] - optimum.z[number]) > APART
         assert optimum.cost - 0.5 < here.cost < optimum.cost + LIKELY
-    limbs = np.array([point.z[:LIMB] for point in found])
+    assert all(len({point.z[names.index(name)] for point in found} & set(PLACES)) > 1 for name in ALONG)
+    limbs, nuisances = np.array([point.z[:LIMB] for point in found]), np.arange(LIMB, optimum.z.size)
     exact = [descend(likelihood, point.z, 1e-7, nuisances).cost for point in found]
     assert -2.0 * LimbPosterior(likelihood, optimum)(limbs) == pytest.approx(exact, abs=0.3)
 

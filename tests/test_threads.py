@@ -1,11 +1,22 @@
 """Work side by side comes out in its order, the first alone where it has to, and its errors are not lost."""
 
+import multiprocessing
 import threading
 import time
 
 import pytest
 
-from inverse.threads import side_by_side
+from inverse.threads import MOST, side_by_side
+
+
+def threads_of(items: int) -> int:
+    """How many threads work on so many items."""
+
+    def work(_):
+        time.sleep(0.02)
+        return threading.get_ident()
+
+    return len(set(side_by_side(work, range(items))))
 
 
 def test_what_is_done_comes_in_order_though_the_first_ends_last():
@@ -38,3 +49,9 @@ def test_an_error_reaches_the_caller():
 
     with pytest.raises(ValueError, match="two"):
         list(side_by_side(work, range(4)))
+
+
+def test_a_process_of_several_has_one_thread():
+    assert threads_of(20) <= MOST
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(threads_of, (20,)) == 1

@@ -10,13 +10,13 @@ import numpy as np
 
 from inverse.likelihood import Likelihood
 from inverse.map_estimate import Optimum, descend
+from inverse.optimum import ROUGH
 from inverse.threads import side_by_side
 
 ALONG = ("clouds.top", "dust.extinction")
 PLACES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # z of these
 APART = 0.4  # between two points, at least
 LIKELY = 30.0  # above the optimum's cost, at most
-ROUGH = 1e-3  # relative change of the cost at which these descents end
 
 
 def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:

@@ -93,6 +93,7 @@ class Drawn:
     - `limb`: by name, the quantities of `prior.ATMOSPHERE`; `nuisance`: those of `prior.PHOTOGRAPH` and `prior.TONE`.
     - `roll`, `row`, `column`, `radius`: of the disc in the picture [rad, pixel].
     - `sensitivity`: what the sensor recorded, 1 where it is full, by the light of the full Moon's disc.
+    - `amplitudes`: of its errors, smooth common and chromatic ones, and those of an uneven limb.
     """
 
     path: Path
@@ -105,6 +106,7 @@ class Drawn:
     column: float
     radius: float
     sensitivity: float
+    amplitudes: tuple[float, float, float]
 
 
 def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
@@ -153,13 +155,15 @@ def recorded(
     east, north = up * np.sin(roll) - right * np.cos(roll), up * np.cos(roll) + right * np.sin(roll)
     east_of_axis, north_of_axis = (np.asarray(axis) for axis in _shadow(scene))
     located = Located(right, up, east, north, (east_of_axis, north_of_axis))
-    light = light * np.exp((errors or DrawnErrors(random)).of(random, located))
+    errors = errors or DrawnErrors(random)
+    light = light * np.exp(errors.of(random, located))
     on_disc = np.hypot(right, up) < 0.95
     light = _exposed(wrong.light(light, radius), nuisance, on_disc, radius)
     sensitivity = random.uniform(*BRIGHTEST) / np.percentile(light[on_disc].max(axis=-1), 99.5)
     electrons = FULL_WELL * np.maximum(light * sensitivity, 0.0)
     light = (random.poisson(electrons) + READ_NOISE * random.standard_normal(light.shape)) / FULL_WELL
-    return light, Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius, sensitivity)
+    amplitudes = errors.common, errors.chromatic, errors.uneven
+    return light, Drawn(path, stated.utc, site, limb, nuisance, roll, row, column, radius, sensitivity, amplitudes)
 
 
 @cache

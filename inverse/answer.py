@@ -11,6 +11,7 @@ from eclipsejax.errors import InputError
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
+from inverse.error_size import ErrorSize
 from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
@@ -93,8 +94,8 @@ def answer(
     - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
     """
     if draws == 0:
-        normal = np.random.default_rng(seed).standard_normal((LAPLACE_DRAWS, LIMB))
-        return Answer("laplace", optimum.limb.at(normal)[None])
+        laplace = ErrorSize(optimum).laplace
+        return Answer("laplace", laplace.draw(LAPLACE_DRAWS, np.random.default_rng(seed))[None])
     density = LimbPosterior(likelihood, optimum)
     if before is not None:
         check_same_density(density, before)

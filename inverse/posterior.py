@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from inverse.error_size import ErrorSize
 from inverse.likelihood import LIMB, Likelihood, misfit_of
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
@@ -37,7 +38,7 @@ SHORTER = 0.3  # a step that made things worse, when it is tried again
 
 
 class LimbPosterior:
-    """Log posterior of the limb up to a constant, the nuisances at their best.
+    """Log posterior of the limb up to a constant, the nuisances at their best, the errors' size not quite known.
 
     Nuisances are sought from those at the nearest of the optimum, its rivals and the points of its `ridge`.
 
@@ -45,6 +46,7 @@ class LimbPosterior:
     """
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
+        self.log_density = ErrorSize(optimum).log_density
         self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *ridge(likelihood, optimum))]
         self.evaluated = self.not_finite = 0
 
@@ -53,7 +55,7 @@ class LimbPosterior:
         squares = np.empty(len(z))
         for which, rows in self._parts(z):
             squares[which] = np.sum(rows**2, axis=1)
-        value = log_density(z, squares)
+        value = self.log_density(z, squares)
         self._count(value)
         return value
 
@@ -151,15 +153,6 @@ def batched(function: Callable, *values: np.ndarray) -> np.ndarray:
     padded = [np.concatenate([each, np.repeat(each[-1:], -count % BATCH, axis=0)]) for each in values]
     parts = zip(*(np.split(each, len(each) // BATCH) for each in padded), strict=True)
     return np.concatenate([np.asarray(function(*map(jnp.asarray, part))) for part in parts])[:count]
-
-
-def log_density(z: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Log densities of the posterior (draw,), up to a constant; -inf where not finite.
-
-    - `z`: (draw, parameter); `squares`: sums of the squared whitened misfits there (draw,).
-    """
-    value = -0.5 * (squares + np.sum(z**2, axis=1))
-    return np.where(np.isfinite(value), value, -np.inf)
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import sample
 from inverse.gaussian import Gaussian
 from inverse.importance import LARGEST_K, Importance, weighed
-from inverse.posterior import LimbPosterior, log_density
+from inverse.posterior import LimbPosterior
 
 FIRST, MORE = 900, 900  # points worked out: about Laplace's Gaussian, then along each chain
 STRETCH = 1.4  # of the Gaussian that the first are drawn from
@@ -34,10 +34,12 @@ STRAY, WALL = 1.5, 10.0  # times the largest usual distance between points; stee
 class Surrogate:
     """Log posterior of the limb, interpolated.
 
+    - `log_density`: of points and their squares (`LimbPosterior.log_density`).
     - `gaussian`: Laplace's; `points`: where the posterior was worked out, in its deviates.
     - `misfits`: interpolates components of the misfit, and last the square of what they leave out.
     """
 
+    log_density: Callable[[np.ndarray, np.ndarray], np.ndarray]
     gaussian: Gaussian
     points: KDTree
     reach: float
@@ -50,14 +52,15 @@ class Surrogate:
         *components, rest = self.misfits(places).T
         away = np.maximum(self.points.query(places)[0] / self.reach - 1.0, 0.0)
         squares = np.sum(np.square(components), axis=0) + np.maximum(rest, 0.0)
-        return log_density(z, squares) - WALL * away**2
+        return self.log_density(z, squares) - WALL * away**2
 
 
-def surrogate(z: np.ndarray, misfits: np.ndarray, gaussian: Gaussian) -> Surrogate:
+def surrogate(z: np.ndarray, misfits: np.ndarray, gaussian: Gaussian, log_density: Callable) -> Surrogate:
     """Interpolate between points.
 
     - `z`: (point, parameter); `misfits`: whitened, whose squares make the `log_density` (point, datum).
     - `gaussian`: in whose deviates distances are measured.
+    - `log_density`: of `Surrogate`.
     """
     first = misfits.mean(axis=0)
     along = first / max(np.linalg.norm(first), 1e-300)
@@ -73,7 +76,7 @@ def surrogate(z: np.ndarray, misfits: np.ndarray, gaussian: Gaussian) -> Surroga
     targets = np.column_stack([components, rest])
     tree = KDTree(places)
     reach = STRAY * float(np.quantile(tree.query(places, k=2)[0][:, 1], 0.99))
-    return Surrogate(gaussian, tree, reach, RBFInterpolator(places, targets, kernel="cubic", degree=2))
+    return Surrogate(log_density, gaussian, tree, reach, RBFInterpolator(places, targets, kernel="cubic", degree=2))
 
 
 @dataclass(frozen=True)
@@ -114,14 +117,14 @@ def interpolated(
     long = False
     for number in range(1, ROUNDS + 1):
         known = np.isfinite(misfits).all(axis=1)
-        fast = surrogate(z[known], misfits[known], gaussian)
+        fast = surrogate(z[known], misfits[known], gaussian, posterior.log_density)
         long = long or number == ROUNDS
         chain = sample(fast, [gaussian], draws=CHAIN_DRAWS if long else SCOUT, seed=seed + number)
         diagnosis = diagnose(chain.z)
         drawn = random.permutation(chain.z[:, diagnosis.burn_in :].reshape(-1, size))[:WEIGHED]
         fresh = posterior.misfits(drawn)
         points += len(drawn)
-        exact = log_density(drawn, np.sum(fresh**2, axis=1))
+        exact = posterior.log_density(drawn, np.sum(fresh**2, axis=1))
         found = Interpolated(weighed(drawn, exact, fast(drawn), random), chain, diagnosis, points)
         report(number, ROUNDS)
         if found.trusted:

@@ -44,17 +44,17 @@ def log_ratios(number: int, folder: Path) -> list[float]:
     (slopes,) = likelihood.whitener([slopes * measured])
     spreads = []
     for errors in (replace(true.errors[0], independent=1.0, **sizes), likelihood.errors[0]):
-        (white,) = likelihood.whitener([_drawn(errors, np.random.default_rng(number)) * measured])
+        (white,) = likelihood.whitener([drawn_errors(errors, np.random.default_rng(number), ERRORS) * measured])
         spreads.append((optimum.covariance @ (slopes.T @ white)).std(axis=1))
     names = [parameter.name for parameter in likelihood.parameters]
     return np.log(spreads[0] / spreads[1])[[names.index(name) for name in QUANTITIES]].tolist()
 
 
-def _drawn(errors, random: np.random.Generator) -> np.ndarray:
-    """`ERRORS` draws of the log values' errors (datum, draw)."""
+def drawn_errors(errors, random: np.random.Generator, count: int) -> np.ndarray:
+    """Draws of the log values' errors (datum, draw)."""
     roots = errors.independent * np.linalg.cholesky(errors.cells)
-    alone = roots @ random.standard_normal((*roots.shape[:2], ERRORS))
-    modes = (errors.modes * errors.amplitudes) @ random.standard_normal((errors.modes.shape[1], ERRORS))
+    alone = roots @ random.standard_normal((*roots.shape[:2], count))
+    modes = (errors.modes * errors.amplitudes) @ random.standard_normal((errors.modes.shape[1], count))
     return alone.reshape(modes.shape) + modes
 
 
@@ -70,10 +70,10 @@ def _truth(likelihood, drawn, registration) -> np.ndarray:
         "pointing.roll": -turn,
     }
     known = drawn.limb | drawn.nuisance | seen
-    return np.array([_z(parameter, known[parameter.name]) for parameter in likelihood.parameters])
+    return np.array([z_of(parameter, known[parameter.name]) for parameter in likelihood.parameters])
 
 
-def _z(parameter, value: float) -> float:
+def z_of(parameter, value: float) -> float:
     """Where a parameter has a value."""
     scale = {"normal": lambda x: x, "lognormal": np.log, "logitnormal": lambda x: np.log(x / (1.0 - x))}
     to = scale[parameter.shape]

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from benchmarks import error_sizes
+from inverse import prior
 from inverse.error_size import MEAN, SHARE, SIZE, SPREAD, ErrorSize
 from inverse.likelihood import LIMB
 from inverse.map_estimate import Optimum
+from inverse.noise import Errors
 
 DATA = 30
 
@@ -79,3 +82,20 @@ def test_a_point_without_finite_squares_is_ruled_out():
     z = np.zeros((3, LIMB))
     value = ErrorSize(given.optimum()).log_density(z, np.array([10.0, np.nan, np.inf]))
     assert np.isfinite(value[0]) and (value[1:] == -np.inf).all()
+
+
+def test_the_benchmark_finds_the_truth_again_and_draws_errors_as_large_as_they_are():
+    for parameter in (*prior.ATMOSPHERE, *prior.PHOTOGRAPH, *prior.TONE):
+        for z in (-2.5, 0.0, 1.7):
+            assert error_sizes.z_of(parameter, float(parameter.value(z))) == pytest.approx(z, abs=1e-9)
+    random = np.random.default_rng(8)
+    roots = random.standard_normal((20, 3, 3))
+    modes = random.standard_normal((60, 4))
+    errors = Errors(roots @ np.swapaxes(roots, 1, 2), modes, common=1, broad=1, black=1, independent=2.0, smooth=0.5)
+    drawn = error_sizes.drawn_errors(errors, random, 20_000)
+    scaled = modes * errors.amplitudes
+    exact = scaled @ scaled.T
+    for cell in range(20):
+        exact[3 * cell : 3 * cell + 3, 3 * cell : 3 * cell + 3] += 4.0 * errors.cells[cell]
+    size = np.sqrt(np.diag(exact))
+    np.testing.assert_allclose(np.cov(drawn) / np.outer(size, size), exact / np.outer(size, size), atol=0.04)

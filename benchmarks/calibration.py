@@ -47,7 +47,7 @@ def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any
     assert registration is not None
     right, up, larger, roll = (fit.estimates[f"1.pointing.{name}"].map for name in ("right", "up", "radius", "roll"))
     row, column, radius = registration.row, registration.column, registration.radius
-    turn = (registration.roll - drawn.roll + np.pi) % (2.0 * np.pi) - np.pi
+    turn = drawn.turned(registration)
     return row_of(number, fit, drawn.limb) | {
         "centre_error_px": float(np.hypot(row - drawn.row, column - drawn.column)),
         "fitted_centre_error_px": float(

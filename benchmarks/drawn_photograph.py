@@ -108,6 +108,10 @@ class Drawn:
     sensitivity: float
     amplitudes: tuple[float, float, float]
 
+    def turned(self, registration) -> float:
+        """By how much the roll of a `Registration` is off [rad], between minus and plus half a turn."""
+        return (registration.roll - self.roll + np.pi) % (2.0 * np.pi) - np.pi
+
 
 def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
     """Draw photograph `number` of a seed and write it, a JPEG."""

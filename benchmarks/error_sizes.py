@@ -60,14 +60,13 @@ def drawn_errors(errors, random: np.random.Generator, count: int) -> np.ndarray:
 
 def _truth(likelihood, drawn, registration) -> np.ndarray:
     """The truth about a drawn photograph as a vector z (parameter,)."""
-    turn = (registration.roll - drawn.roll + np.pi) % (2.0 * np.pi) - np.pi
     seen = {
         "gain": np.log(drawn.sensitivity) - float(likelihood.models[0].gain),
         "exposure": 0.0,
         "pointing.up": (registration.row - drawn.row) / registration.radius,
         "pointing.right": (drawn.column - registration.column) / registration.radius,
         "pointing.radius": drawn.radius / registration.radius - 1.0,
-        "pointing.roll": -turn,
+        "pointing.roll": -drawn.turned(registration),
     }
     known = drawn.limb | drawn.nuisance | seen
     return np.array([z_of(parameter, known[parameter.name]) for parameter in likelihood.parameters])

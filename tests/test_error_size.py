@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from benchmarks import error_sizes
+from inverse import error_size as module
 from inverse import prior
 from inverse.error_size import MEAN, SHARE, SIZE, SPREAD, ErrorSize
 from inverse.likelihood import LIMB
@@ -48,6 +49,14 @@ def test_where_misfits_are_straight_it_is_the_mean_of_the_posteriors():
     each = [np.log(share) + log_normal(z, *given.posterior(size)) for share, size in zip(SHARE, SIZE, strict=True)]
     exact = np.logaddexp.reduce(each, axis=0)
     np.testing.assert_allclose(found - found[0], exact - exact[0], atol=1e-6)
+
+
+def test_of_one_size_it_is_what_squares_and_prior_say(monkeypatch):
+    monkeypatch.setattr(module, "SIZE", np.ones_like(SIZE))
+    given, z = Straight(9), np.random.default_rng(10).standard_normal((50, LIMB))
+    squares = given.squares(z)
+    found, plain = ErrorSize(given.optimum()).log_density(z, squares), -0.5 * (squares + np.sum(z**2, axis=1))
+    np.testing.assert_allclose(found - found[0], plain - plain[0], rtol=1e-9, atol=1e-9)
 
 
 def test_laplaces_gaussians_are_those_posteriors():

@@ -66,7 +66,7 @@ def report(name: str, case: str, measurements: list[Measurement], facts: dict[st
         print(f"{key}: {value}")
     record = {
         "case": case,
-        "machine": _machine(),
+        "machine": machine(),
         "facts": facts or {},
         "measurements": [asdict(m) for m in measurements],
     }
@@ -74,7 +74,7 @@ def report(name: str, case: str, measurements: list[Measurement], facts: dict[st
     (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n")
 
 
-def _machine() -> dict[str, Any]:
+def machine() -> dict[str, Any]:
     """What a time depends on, without the machine's name."""
     versions = {}
     for package in PACKAGES:

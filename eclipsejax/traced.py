@@ -45,16 +45,23 @@ def _(primals, tangents):
     return jnp.zeros_like(primals[0]), tangents[0]
 
 
-def slopes(function: Callable, numbers: Sequence[Float[Array, ""]]) -> tuple[Array, Float[Array, "number ..."]]:
+def slopes(
+    function: Callable, numbers: Sequence[Float[Array, ""]], together: Sequence[int] = ()
+) -> tuple[Array, Float[Array, "number ..."]]:
     """Value of a function of several numbers, and its derivatives by each.
 
     Each by itself, so that what a number does not touch is not worked out for it: dust dims light but bends no ray.
     The function must take the numbers apart, not in an array, where they could not be told from one another.
+
+    - `together`: which of the numbers touch the same, and are compiled as one.
     """
 
-    def by(index):
-        of_one = lambda one: function([*numbers[:index], one, *numbers[index + 1 :]])
-        return jax.jvp(of_one, (numbers[index],), (jnp.ones_like(numbers[index]),))
+    def by(group):
+        these = lambda *new: function([dict(zip(group, new, strict=True)).get(i, x) for i, x in enumerate(numbers)])
+        along = lambda *moves: jax.jvp(these, tuple(numbers[i] for i in group), moves)
+        return jax.vmap(along, out_axes=(None, 0))(*jnp.eye(len(group), dtype=jnp.result_type(*numbers)))
 
-    values, derivatives = zip(*(by(index) for index in range(len(numbers))), strict=True)
-    return values[0], jnp.stack(derivatives)
+    groups = [[index] for index in range(len(numbers)) if index not in together] + [list(together)] * bool(together)
+    values, derivatives = zip(*map(by, groups), strict=True)
+    order = np.argsort(np.concatenate(groups))
+    return values[0], jnp.concatenate(derivatives)[order]

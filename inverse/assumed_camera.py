@@ -25,15 +25,31 @@ def response(model, value: np.ndarray) -> np.ndarray:
     - `model`: a `PhotoModel` or `ProfileModel`; `value`: decoded (cell, 3) [full scale].
     """
     camera = eqx.tree_at(lambda model: model.gain, model, jnp.zeros_like(model.gain))
-    nuisance = prior.values(camera.parameters, jnp.zeros(len(camera.parameters)))
-    return np.asarray(slopes_by_light(camera, jnp.asarray(_light(camera, nuisance, value)), nuisance))
+    return np.asarray(_slopes(camera, jnp.asarray(_light(camera, value))))
 
 
-def _light(camera, nuisance, value: np.ndarray) -> np.ndarray:
+def _light(camera, value: np.ndarray) -> np.ndarray:
     """Light of which this camera makes values, both (cell, 3)."""
     if camera.tone_curve == "linear":
         return np.maximum(value, RAMP[0])
-    curve = np.asarray(developed(camera, jnp.asarray(RAMP)[:, None] * jnp.ones(3), nuisance))
+    curve, matrix = map(np.asarray, _curve_and_matrix(camera))
     mixed = [np.interp(np.minimum(value[:, channel], BRIGHTEST), curve[:, channel], RAMP) for channel in range(3)]
-    light = np.linalg.solve(np.asarray(camera.primaries @ colour_matrix(nuisance)), np.array(mixed)).T
+    light = np.linalg.solve(matrix, np.array(mixed)).T
     return np.maximum(light, LEAST * light.max(axis=1, keepdims=True))
+
+
+@eqx.filter_jit
+def _curve_and_matrix(camera):
+    """Values of white light as bright as `RAMP` (step, 3), and what a camera mixes its channels by (3, 3)."""
+    nuisance = _middle(camera)
+    values = developed(camera, jnp.asarray(RAMP)[:, None] * jnp.ones(3), nuisance)
+    return values, camera.primaries @ colour_matrix(nuisance)
+
+
+@eqx.filter_jit
+def _slopes(camera, light):
+    return slopes_by_light(camera, light, _middle(camera))
+
+
+def _middle(camera):
+    return prior.values(camera.parameters, jnp.zeros(len(camera.parameters)))

@@ -21,6 +21,7 @@ from inverse.misfit_check import misfit_checks
 from inverse.optimum import STAGES, best
 from inverse.result import Fit
 from inverse.summary import estimates, other_ends, provenance, warnings_of
+from inverse.threads import side_by_side
 
 SHOWN = 24  # draws behind the bands of the plots
 
@@ -118,7 +119,8 @@ def conclude(
     quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
     shown = random.choice(found.z.reshape(-1, LIMB), SHOWN)
     normal = random.standard_normal((SHOWN, len(optimum.z) - LIMB))
-    joint = np.array([with_nuisances(likelihood, optimum, z, n) for z, n in zip(shown, normal, strict=True)])
+    pairs = list(zip(shown, normal, strict=True))
+    joint = np.array(list(side_by_side(lambda pair: with_nuisances(likelihood, optimum, *pair), pairs)))
     photos = tuple(photo_fits(evidence, likelihood, optimum.z, joint))
     diagnostics = {
         "converged": optimum.converged,

@@ -63,7 +63,7 @@ def under_independent_errors(likelihood: Likelihood, optimum: Optimum) -> dict[s
     found = {}
     for index in range(LIMB):
         parameter = likelihood.parameters[index]
-        slope = abs(float(parameter.slope(float(optimum.z[index]))))
+        slope = abs(float(parameter.slope(float(optimum.z[index]), np)))
         sd, sd_alone = (float(np.sqrt(one.covariance[index, index])) for one in (optimum, bare))
         found[parameter.name] = {"sd": slope * sd, "sd_independent": slope * sd_alone, "ratio": sd / sd_alone}
     return found

@@ -22,6 +22,7 @@ from inverse.uneven_limb import washing
 OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
 TOLERANCE = 1e-2  # of the shadow's light
 WAVELENGTHS = 8
+BENDING = ("air.surface_temperature", "air.surface_pressure")  # what bends rays; all else dims them
 
 
 class Shadow(eqx.Module):
@@ -73,16 +74,16 @@ def _lagrange(x, nodes) -> Float[Array, " node"]:
     return jnp.stack([jnp.prod((x - o) / (node - o)) for node, o in zip(nodes, others, strict=True)])
 
 
-@eqx.filter_jit
 def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTable:
-    """The table of the shadow, compiled by itself."""
-    return shadow(limb)
+    """The table of the shadow, by the program that gives the slopes too: one of its own takes longer to compile."""
+    return shadow.table(shadow_slopes(shadow, limb)[0])
 
 
 @eqx.filter_jit
 def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
     """Entries of the table (offset, 1, channel) and their derivatives (parameter, offset, 1, channel)."""
-    return slopes(lambda limb: log_light(limb, shadow), list(limb))
+    straight = [number for number, one in enumerate(prior.ATMOSPHERE) if one.name not in BENDING]
+    return slopes(lambda limb: log_light(limb, shadow), list(limb), straight)
 
 
 def camera_weights(sun: Sun, moon: Moon):

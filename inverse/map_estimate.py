@@ -6,7 +6,7 @@ other number of them; SciPy's is called with numbers.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -28,7 +28,7 @@ class Optimum:
     - `converged`: whether the solver says so.
     - `steps`: taken.
     - `information`: half the second derivatives of `cost` at `z`, after Gauss and Newton (parameter, parameter).
-    - `costs`: minus twice the log posterior at the ends of all starts, all with the same errors.
+    - `costs`: minus twice the log posterior at the ends of all starts, each end once, with the same errors.
     - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
     - `rivals`: other ends, far from this one, which may hold a share of the posterior (`inverse.optimum`).
     """
@@ -47,12 +47,12 @@ class Optimum:
         """Log of what of the posterior is here, after Laplace, up to a constant."""
         return -0.5 * (self.cost + float(np.linalg.slogdet(self.information)[1]))
 
-    @property
+    @cached_property
     def limb(self) -> Gaussian:
         """Laplace's Gaussian of the limb."""
         return Gaussian.about(self.z[:LIMB], self.covariance[:LIMB, :LIMB])
 
-    @property
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Laplace: the inverse of the information, whose eigenvalues the prior keeps at 1 or above."""
         value, vector = np.linalg.eigh(self.information)

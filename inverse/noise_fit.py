@@ -9,6 +9,7 @@ Student's distribution was tried: where the errors are Gaussian after all, it ta
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import minimize
 
 from inverse.noise import CHROMATIC, COMMON, UNEVEN, Errors
@@ -45,34 +46,42 @@ def fitted_errors(
 
 def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
     """The most probable s, a, c and u with the weights as they are."""
-    rank = errors.modes.shape[1]
     columns = np.concatenate([errors.modes, slopes, misfit[:, None]], axis=1) * used[:, None]
     columns = replace(errors, independent=1.0).alone(columns)
     gram = columns.T @ columns
-    modes, rest = slice(0, rank), slice(rank, None)
-    group = errors.kinds
-    count = int(used.sum())
-
-    def cost(log_amplitude):
-        independent, *smooth = np.exp(log_amplitude)
-        ratio = np.asarray([1.0, *smooth])[group] / independent
-        # Woodbury: (1 + L L')^-1 = 1 - L (1 + L'L)^-1 L'.
-        inner = np.eye(rank) + ratio[:, None] * gram[modes, modes] * ratio
-        factor = np.linalg.cholesky(inner)
-        half = np.linalg.solve(factor, ratio[:, None] * gram[modes, rest])
-        whole = (gram[rest, rest] - half.T @ half) / independent**2
-        fitted = np.linalg.slogdet(np.eye(len(whole) - 1) + whole[:-1, :-1])[1]
-        logarithms = 2.0 * count * np.log(independent) + 2.0 * np.log(np.diag(factor)).sum() + fitted
-        return 0.5 * (whole[-1, -1] + logarithms + np.sum(((log_amplitude - CENTRES) / WIDTHS) ** 2))
-
     now = [errors.independent, errors.smooth, errors.chromatic, errors.uneven]
     start = np.clip(np.log(now), LEAST + 0.05, MOST)
     found = minimize(
-        cost, start, method="L-BFGS-B", bounds=list(zip(LEAST, MOST, strict=True)),
-        options={"eps": 1e-4, "ftol": 1e-6},
+        improbability, start, (gram, errors.kinds, int(used.sum())), jac=True, method="L-BFGS-B",
+        bounds=list(zip(LEAST, MOST, strict=True)), options={"ftol": 1e-6},
     )  # fmt: skip
     independent, smooth, chromatic, uneven = (float(value) for value in np.exp(found.x))
     return replace(errors, independent=independent, smooth=smooth, chromatic=chromatic, uneven=uneven)
+
+
+def improbability(log_amplitude: np.ndarray, gram: np.ndarray, kinds: np.ndarray, count: int):
+    """Minus the log of the evidence, up to a constant, and its derivatives by log s, a, c and u.
+
+    - `gram`: products of modes, slopes and misfit with each other, divided by the errors of cells with s of 1.
+    - `kinds`: as of `Errors`; `count`: of data.
+    """
+    independent, *smooth = np.exp(log_amplitude)
+    ratio = np.asarray([1.0, *smooth])[kinds] / independent
+    modes, rest = slice(0, kinds.size), slice(kinds.size, None)
+    # Woodbury: (1 + L L')^-1 = 1 - L (1 + L'L)^-1 L'.
+    factor = np.linalg.cholesky(np.eye(kinds.size) + ratio[:, None] * gram[modes, modes] * ratio)
+    root = solve_triangular(factor, np.eye(kinds.size), lower=True)
+    half = root @ (ratio[:, None] * gram[modes, rest])
+    whole = (gram[rest, rest] - half.T @ half) / independent**2
+    known = np.eye(len(whole) - 1) + whole[:-1, :-1]
+    logarithms = 2.0 * count * np.log(independent) + 2.0 * np.log(np.diag(factor)).sum() + np.linalg.slogdet(known)[1]
+    apart = (log_amplitude - CENTRES) / WIDTHS
+    by_whole = block_diag(np.linalg.inv(known), 1.0)
+    pull = root.T @ half / independent
+    by_ratio = 1.0 - np.sum(root**2, axis=0) - np.sum((pull @ by_whole) * pull, axis=1)  # of each mode
+    slope = np.bincount(kinds, by_ratio, minlength=len(CENTRES))
+    slope[0] = count - np.sum(whole * by_whole) - np.sum(by_ratio)  # they all are by s
+    return 0.5 * (whole[-1, -1] + logarithms + np.sum(apart**2)), slope + apart / WIDTHS
 
 
 def local_misfit(misfit, used, neighbours) -> np.ndarray:

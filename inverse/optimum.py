@@ -47,9 +47,9 @@ def best(
 
     first = told(side_by_side(partial(roughly, likelihood), starts(likelihood), compiled=False), 0)
     likelihood = _with_errors(likelihood, _lowest(first), neighbours)
-    ends = told(_anew(likelihood, first), len(STARTS))
+    ends = told(_anew(likelihood, distinct(first)), len(STARTS))
     likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
-    last = told(_anew(likelihood, ends), 2 * len(STARTS))
+    last = told(_anew(likelihood, distinct(ends)), 2 * len(STARTS))
     optimum = descend(likelihood, _lowest(last).z)
     report(STAGES)
     lost = sum(end.not_finite for end in (*first, *ends, *last, optimum))
@@ -62,6 +62,15 @@ def _anew(likelihood: Likelihood, ends: Sequence[Optimum]) -> Iterator[Optimum]:
     return side_by_side(lambda end: descend(likelihood, end.z, ROUGH), ends)
 
 
+def distinct(ends: Sequence[Optimum]) -> list[Optimum]:
+    """The ends, of several beside each other the best: they would lead to the same one again."""
+    kept: list[Optimum] = []
+    for end in sorted(ends, key=lambda end: end.cost):
+        if all(_distance(end, other, end.z.size) > APART for other in kept):
+            kept.append(end)
+    return kept
+
+
 def rivals(optimum: Optimum, ends: Sequence[Optimum]) -> tuple[Optimum, ...]:
     """The ends, each once, that lie far from an optimum and may hold a share of the posterior."""
     kept = [optimum]
@@ -72,10 +81,10 @@ def rivals(optimum: Optimum, ends: Sequence[Optimum]) -> tuple[Optimum, ...]:
     return tuple(kept[1:])
 
 
-def _distance(one: Optimum, other: Optimum) -> float:
-    """Between two limbs, in standard deviations of their difference."""
-    apart = one.z[:LIMB] - other.z[:LIMB]
-    both = one.covariance[:LIMB, :LIMB] + other.covariance[:LIMB, :LIMB]
+def _distance(one: Optimum, other: Optimum, count: int = LIMB) -> float:
+    """Between two limbs, or between the first `count` parameters, in standard deviations of their difference."""
+    apart = (one.z - other.z)[:count]
+    both = (one.covariance + other.covariance)[:count, :count]
     return float(np.sqrt(apart @ np.linalg.solve(both, apart)))
 
 

@@ -27,8 +27,8 @@ from inverse.ridge import ridge
 from inverse.secants import Secants
 from inverse.threads import side_by_side
 
-BATCH = 16  # points handed over at once: one compiled shape serves whole and half ensembles
-TOGETHER = 8  # of them worked out side by side: more needs memory and is no faster on a few cores
+BATCH = 16  # points worked out at once: one compiled shape serves whole and half ensembles
+SHADOWS = 8  # tables of the shadow worked out side by side: more needs memory and is no faster on a few cores
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
 NEARER = (0.5, 0.0)  # shares of the linear guess tried where it is hopeless
 STEPS = 8  # of the nuisances after that, at most
@@ -172,15 +172,14 @@ def _misfits(
     """
     view = of_the_view(model)
 
-    def one(item):
-        log_light, nuisance = item
+    def one(log_light, nuisance):
         shown = jax.tree.map(lambda at, by: at + jnp.tensordot((nuisance - centre)[view], by, axes=1), *seen)
         return misfit_of(model, observed, shadow.table(log_light), shown, nuisance)
 
-    return jax.lax.map(one, (entries, nuisances), batch_size=TOGETHER)
+    return jax.vmap(one)(entries, nuisances)
 
 
 @eqx.filter_jit
 def _entries(shadow: Shadow, limb: Float[Array, "draw parameter"]):
     """Entries of the shadow's tables (draw, offset, 1, channel)."""
-    return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=TOGETHER)
+    return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=SHADOWS)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.special import expit
 
 from eclipsejax.air import Air
 from eclipsejax.atmosphere import Atmosphere, Clouds, Dust, Haze, Ozone
@@ -31,17 +32,21 @@ class Parameter(NamedTuple):
     width: float
     reason: str
 
-    def value(self, z):
-        """The quantity for a standard normal z."""
+    def value(self, z, xp=jnp):
+        """The quantity for a standard normal z.
+
+        - `xp`: JAX's or plain NumPy.
+        """
         if self.shape == "normal":
             return self.centre + self.width * z
         if self.shape == "lognormal":
-            return self.centre * jnp.exp(self.width * z)
-        return jax.nn.sigmoid(np.log(self.centre / (1.0 - self.centre)) + self.width * z)
+            return self.centre * xp.exp(self.width * z)
+        logit = np.log(self.centre / (1.0 - self.centre)) + self.width * z
+        return expit(logit) if xp is np else jax.nn.sigmoid(logit)
 
-    def slope(self, z):
+    def slope(self, z, xp=jnp):
         """Derivative of `value` by z."""
-        value = self.value(z)
+        value = self.value(z, xp)
         return self.width * {"normal": 1.0, "lognormal": value, "logitnormal": value * (1.0 - value)}[self.shape]
 
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -19,7 +20,7 @@ from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.ephemeris import Geometry, geometry
 from eclipsejax.moon import Moon
 from inverse.likelihood import LIMB
-from inverse.limb_light import shadow_light, shadow_of
+from inverse.limb_light import shadow_of
 from inverse.orientation import MAP, Cells, Face, face, turned
 
 CELL = 0.1  # ln: what blur, map and sharp edges leave in a cell
@@ -69,7 +70,7 @@ class View:
 def shadow_profile(eclipse: Eclipse) -> Profile:
     """The shadow of one eclipse, under the limb that the prior thinks most likely."""
     wheres = [geometry(utc) for utc in (*eclipse.contacts.values(), eclipse.greatest)]
-    table = shadow_light(shadow_of(wheres, clock_reach=60.0), jnp.zeros(LIMB))
+    table = eqx.filter_jit(shadow_of(wheres, clock_reach=60.0))(jnp.zeros(LIMB))
     moon = float(jnp.linalg.norm(wheres[-1].moon))
     radius = MOON_RADIUS / moon
     offset = np.linspace(0.0, np.radians(1.3) / radius, 400)

@@ -47,8 +47,8 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
 
     z_limb = optimum.z[:LIMB]
     for index, parameter in enumerate(prior.ATMOSPHERE):
-        one = lambda z, parameter=parameter, index=index: np.asarray(parameter.value(z[..., index]))
-        slope = abs(float(parameter.slope(z_limb[index])))
+        one = lambda z, parameter=parameter, index=index: parameter.value(z[..., index], np)
+        slope = abs(float(parameter.slope(z_limb[index], np)))
         add(parameter.name, parameter.unit, one, z_limb, slope * sd_z[index], draws, prior_draws, index)
 
     derived = {
@@ -56,24 +56,25 @@ def estimates(likelihood: Likelihood, optimum: Optimum, answer: Answer, prior_dr
         "air.density_18km": ("kg/m3", lambda air: air.air.density(jnp.asarray(DENSITY_HEIGHT)), 1),
     }
     for name, (unit, quantity, index) in derived.items():
-        every = jax.jit(jax.vmap(lambda z, quantity=quantity: quantity(prior.atmosphere(z))))
+        of_limb = lambda z, quantity=quantity: quantity(prior.atmosphere(z))
+        every = jax.jit(jax.vmap(of_limb))
         function = lambda z, every=every: np.asarray(every(z.reshape(-1, LIMB))).reshape(z.shape[:-1])
-        gradient = jax.grad(lambda z, quantity=quantity: quantity(prior.atmosphere(z)))(jnp.asarray(z_limb))
+        gradient = np.asarray(jax.jit(jax.grad(of_limb))(jnp.asarray(z_limb)))
         covariance = optimum.covariance[:LIMB, :LIMB]
         add(name, unit, function, z_limb, np.sqrt(gradient @ covariance @ gradient), draws, prior_draws, index)
 
     for index, parameter in enumerate(likelihood.parameters[LIMB:], LIMB):
         name, z, sd = likelihood.labels[index], float(optimum.z[index]), float(sd_z[index])
-        value = float(parameter.value(z))
+        at = lambda z, parameter=parameter: float(parameter.value(z, np))
         found[name] = Estimate(
             name=name,
             unit=parameter.unit,
-            map=value,
-            sd=abs(float(parameter.slope(z))) * sd,
-            median=value,
-            ci68=(float(parameter.value(z - sd)), float(parameter.value(z + sd))),
-            ci95=(float(parameter.value(z - 1.96 * sd)), float(parameter.value(z + 1.96 * sd))),
-            prior_ci95=(float(parameter.value(-1.96)), float(parameter.value(1.96))),
+            map=at(z),
+            sd=abs(float(parameter.slope(z, np))) * sd,
+            median=at(z),
+            ci68=(at(z - sd), at(z + sd)),
+            ci95=(at(z - 1.96 * sd), at(z + 1.96 * sd)),
+            prior_ci95=(at(-1.96), at(1.96)),
             informed=max(0.0, 1.0 - sd**2),
         )
     return found, named, named_prior

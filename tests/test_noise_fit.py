@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inverse import error_modes, noise
-from inverse.noise_fit import fitted_errors
+from inverse.noise_fit import CENTRES, fitted_errors, improbability
 from tests.test_noise import bright, disc, sources
 
 
@@ -39,6 +39,16 @@ def test_amplitudes_are_found(before, independent, smooth, chromatic):
     assert np.mean([one.independent for one in found]) == pytest.approx(independent, rel=0.1)
     assert np.mean([one.smooth for one in found]) == pytest.approx(smooth, rel=0.25)
     assert np.mean([one.chromatic for one in found]) == pytest.approx(chromatic, rel=0.25)
+
+
+def test_derivatives_of_the_evidence_agree_with_differences():
+    random = np.random.default_rng(4)
+    kinds = np.repeat([1, 2, 3, 0], [6, 9, 4, 3])
+    columns = random.standard_normal((60, kinds.size + 6)) * np.exp(random.uniform(-2.0, 2.0, kinds.size + 6))
+    place = CENTRES + random.uniform(-0.5, 0.5, CENTRES.size)
+    at = lambda place: improbability(place, columns.T @ columns, kinds, 60)
+    differences = [(at(place + step)[0] - at(place - step)[0]) / 2e-5 for step in 1e-5 * np.eye(CENTRES.size)]
+    np.testing.assert_allclose(at(place)[1], differences, rtol=1e-6)
 
 
 def test_an_uneven_limb_is_found_and_no_other_error_takes_it_for_its_own():

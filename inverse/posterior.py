@@ -53,15 +53,15 @@ class LimbPosterior:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
         squares = np.empty(len(z))
-        for which, rows in self._parts(z):
-            squares[which] = np.sum(rows**2, axis=1)
+        for which, found in self._parts(z, Surroundings.squares):
+            squares[which] = found
         value = self.log_density(z, squares)
         self._count(value)
         return value
 
     def misfits(self, z: np.ndarray) -> np.ndarray:
         """Whitened misfits and the nuisances (draw, datum), whose squares make the `log_density`."""
-        places, rows = zip(*self._parts(z), strict=True)
+        places, rows = zip(*self._parts(z, Surroundings.misfits), strict=True)
         found = np.concatenate(rows)[np.argsort(np.concatenate(places))]
         self._count(np.sum(found, axis=1))
         return found
@@ -70,8 +70,8 @@ class LimbPosterior:
         self.evaluated += values.size
         self.not_finite += int(np.sum(~np.isfinite(values)))
 
-    def _parts(self, z: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Which points, `AT_ONCE` at most, and their misfits."""
+    def _parts(self, z: np.ndarray, of: Callable) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Which points, `AT_ONCE` at most, and what `of` finds of them in the `Surroundings` that they are in."""
         nearest = np.argmax([end.limb.log_density(z) for end in self.ends], axis=0)
         groups = [np.flatnonzero(nearest == number) for number in range(len(self.ends))]
         parts = [
@@ -79,7 +79,7 @@ class LimbPosterior:
             for end, own in zip(self.ends, groups, strict=True)
             for begin in range(0, own.size, AT_ONCE)
         ]
-        return side_by_side(lambda part: (part[1], part[0].best(z[part[1]])), parts, compiled=self.evaluated > 0)
+        return side_by_side(lambda part: (part[1], of(part[0], z[part[1]])), parts, compiled=self.evaluated > 0)
 
 
 class Surroundings:
@@ -92,12 +92,23 @@ class Surroundings:
             everywhere = np.zeros((len(by), optimum.z.size))
             everywhere[:, likelihood.columns(number)] = by
             slopes.append(everywhere[:, LIMB:])
-        self.slopes = np.concatenate(likelihood.whitener(slopes))
+        self.slopes = likelihood.whitener.coordinates(slopes)
+        self.signs = np.append(likelihood.whitener.signs, np.ones(self.slopes.shape[1]))
         self.centres = [jnp.asarray(optimum.z[place]) for place in likelihood.places]
         self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
 
+    def squares(self, limbs: np.ndarray) -> np.ndarray:
+        """Sums of the squares of `misfits` (draw,)."""
+        return self.best(limbs) ** 2 @ self.signs
+
+    def misfits(self, limbs: np.ndarray) -> np.ndarray:
+        """Whitened misfits and nuisances (draw, datum), which are at their best under limbs (draw, parameter)."""
+        count, rows = self.slopes.shape[1], self.best(limbs)
+        white = self.likelihood.whitener.white(rows[:, :-count].T).T
+        return np.concatenate([white, rows[:, -count:]], axis=1)
+
     def best(self, limbs: np.ndarray) -> np.ndarray:
-        """Whitened misfits and nuisances, which are at their best under limbs (draw, parameter).
+        """`JointWhitener.coordinates` of the misfits, and nuisances at their best, under limbs (draw, parameter).
 
         Where the nuisances of the linear guess are far too bad, those between it and the optimum's are tried. Steps are
         taken from the best so far, shorter after a bad one, with slopes that learn from all of them (`Secants`).
@@ -107,11 +118,11 @@ class Surroundings:
         hopeless = self.optimum.cost + HOPELESS - np.sum(limbs**2, axis=1)
         guess = self.optimum.nuisances(limbs)
         best = self._rows(entries, guess)
-        least = _squares(best)
+        least = self._finite_squares(best)
 
         def keep(which, rows):
             """Rows of the draws `which`, where they are better; and whether they are."""
-            squares = _squares(rows)
+            squares = self._finite_squares(rows)
             better = squares < least[which]
             best[which[better]], least[which[better]] = rows[better], squares[better]
             return better
@@ -120,7 +131,7 @@ class Surroundings:
             bad = np.flatnonzero(least > hopeless)
             if bad.size:
                 keep(bad, self._rows(entries[bad], here + part * (guess[bad] - here)))
-        slopes = Secants(self.slopes, self.optimum.information[LIMB:, LIMB:], len(limbs))
+        slopes = Secants(self.slopes, self.optimum.information[LIMB:, LIMB:], len(limbs), self.signs[:-count])
         moving, share = np.arange(len(limbs)), np.ones(len(limbs))
         for tried in range(STEPS):
             known = np.where(np.isfinite(best[moving]), best[moving], 0.0)
@@ -139,12 +150,17 @@ class Surroundings:
         return best
 
     def _rows(self, entries: np.ndarray, nuisances: np.ndarray) -> np.ndarray:
-        """Whitened misfits with these nuisances, and the nuisances (draw, datum)."""
+        """`JointWhitener.coordinates` of the misfits with these nuisances, and the nuisances (draw, coordinate)."""
         one, each = self.likelihood, []
         for number, place in enumerate(one.places):
             known = one.models[number], one.observed[number], one.shadow, self.seen[number], self.centres[number]
             each.append(batched(partial(_misfits, *known), entries, nuisances[:, place - LIMB]).T)
-        return np.concatenate([*one.whitener(each), nuisances.T]).T
+        return np.concatenate([one.whitener.coordinates(each), nuisances.T]).T
+
+    def _finite_squares(self, rows: np.ndarray) -> np.ndarray:
+        """Sums of squares (draw,); infinite where not finite."""
+        squares = rows**2 @ self.signs
+        return np.where(np.isfinite(squares), squares, np.inf)
 
 
 def batched(function: Callable, *values: np.ndarray) -> np.ndarray:
@@ -153,12 +169,6 @@ def batched(function: Callable, *values: np.ndarray) -> np.ndarray:
     padded = [np.concatenate([each, np.repeat(each[-1:], -count % BATCH, axis=0)]) for each in values]
     parts = zip(*(np.split(each, len(each) // BATCH) for each in padded), strict=True)
     return np.concatenate([np.asarray(function(*map(jnp.asarray, part))) for part in parts])[:count]
-
-
-def _squares(rows: np.ndarray) -> np.ndarray:
-    """Sums of squares (draw,); infinite where not finite."""
-    squares = np.sum(rows**2, axis=1)
-    return np.where(np.isfinite(squares), squares, np.inf)
 
 
 @eqx.filter_jit

@@ -17,15 +17,17 @@ class Secants:
     - `slopes`: at the begin of all searches (datum, parameter).
     - `information`: of the same, with what else makes the squares (parameter, parameter).
     - `draws`: number of searches.
+    - `signs`: of the data's squares (datum,), where they are `JointWhitener.coordinates`.
     """
 
-    def __init__(self, slopes: np.ndarray, information: np.ndarray, draws: int):
-        self.slopes = slopes
+    def __init__(self, slopes: np.ndarray, information: np.ndarray, draws: int, signs: np.ndarray | float = 1.0):
+        self.slopes, self.signs = slopes, signs
         self.information = np.repeat(information[None], draws, axis=0)
         self.changes: list[tuple[np.ndarray, np.ndarray]] = []  # of each step (draw, datum), (draw, parameter)
 
     def transposed(self, who: np.ndarray, misfits: np.ndarray) -> np.ndarray:
         """Slopes of the searches `who`, transposed, times misfits (draw, datum): (draw, parameter)."""
+        misfits = self.signs * misfits
         found = misfits @ self.slopes
         for change, move in self.changes:
             found += np.sum(change[who] * misfits, axis=1)[:, None] * move[who]
@@ -47,7 +49,7 @@ class Secants:
         missed = (changed - self.times(who, move)) / np.sum(move**2, axis=1)[:, None]
         missed = np.where(np.isfinite(missed), missed, 0.0)
         cross = self.transposed(who, missed)[..., None] * move[:, None]
-        both = np.sum(missed**2, axis=1)[:, None, None] * move[..., None] * move[:, None]
+        both = np.sum(self.signs * missed**2, axis=1)[:, None, None] * move[..., None] * move[:, None]
         self.information[who] += cross + np.swapaxes(cross, 1, 2) + both
         every = len(self.information)
         change, before = np.zeros((every, missed.shape[1])), np.zeros((every, move.shape[1]))

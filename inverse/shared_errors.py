@@ -146,6 +146,37 @@ class JointWhitener:
         back = (self.shrink * np.asarray(along).T).T
         return [part + basis @ back for basis, part in zip(self.bases, white, strict=True)]
 
+    @cached_property
+    def signs(self) -> np.ndarray:
+        """Of the squares of `coordinates`: 1 for each datum, -1 for what errors in common take off (coordinate,)."""
+        data = sum(len(whitener.basis) for whitener in self.each)
+        taken = sum(whitener.shrink.size for whitener in self.each) + self.shrink.size
+        return np.repeat([1.0, -1.0], [data, taken])
+
+    def coordinates(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """What has the squares of whitened residuals, each with its sign, for half the work (coordinate, column).
+
+        - `parts`: residuals of each photograph (datum, column), the columns the same for all.
+        """
+        scaled = [whitener.alone(part) for whitener, part in zip(self.each, parts, strict=True)]
+        pairs = zip(self.each, scaled, strict=True)
+        taken = [taken_off(one.shrink)[:, None] * (one.basis.T @ part) for one, part in pairs]
+        if self.shrink.size:
+            along = sum(onto @ part for onto, part in zip(self.along, scaled, strict=True))
+            taken.append(taken_off(self.shrink)[:, None] * along)
+        return np.concatenate([*scaled, *taken])
+
+    def white(self, coordinates: np.ndarray) -> np.ndarray:
+        """The whitened residuals of all photographs, one below the other (datum, column)."""
+        sizes = [*(len(one.basis) for one in self.each), *(one.shrink.size for one in self.each)]
+        *found, along = np.split(coordinates, np.cumsum(sizes))
+        scaled, taken = found[: len(self.each)], found[len(self.each) :]
+        back = (self.shrink / taken_off(self.shrink))[:, None] * along
+        return np.concatenate([
+            part + one.basis @ ((one.shrink / taken_off(one.shrink))[:, None] * own) + basis @ back
+            for one, basis, part, own in zip(self.each, self.bases, scaled, taken, strict=True)
+        ])  # fmt: skip
+
     def products(self, parts: Sequence[np.ndarray], places: Sequence[np.ndarray], count: int) -> np.ndarray:
         """Of columns with each other, the inverse of the covariance between them (column, column).
 
@@ -157,6 +188,11 @@ class JointWhitener:
             if self.shrink.size:
                 along[:, place] += onto @ whitener.alone(part)
         return found + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
+
+
+def taken_off(shrink: np.ndarray) -> np.ndarray:
+    """Root of the share that a direction's square loses, by `Whitener.shrink`."""
+    return np.sqrt(1.0 - np.square(1.0 + shrink))
 
 
 def joint_whitener(errors: Sequence[Errors]) -> JointWhitener:

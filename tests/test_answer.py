@@ -16,7 +16,7 @@ from inverse.answer import answer, beginning, begun, by_ensemble
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
-from inverse.posterior import LimbPosterior
+from inverse.posterior import LimbPosterior, Surroundings
 from tests.targets import gaussian
 
 SIZE = len(prior.ATMOSPHERE)
@@ -101,9 +101,10 @@ class Holed(LimbPosterior):
     def log_density(self, z, squares):
         return np.where(np.isfinite(squares), -0.5 * (squares + np.sum(z**2, axis=1)), -np.inf)
 
-    def _parts(self, z):
-        misfits = np.sqrt(1 / 0.04 - 1) * (z - DUSTY / (1 - 0.04))
-        yield np.arange(len(z)), np.where(z[:, 1:2] > self.wall, np.nan, misfits)
+    def _parts(self, z, of):
+        assert of is Surroundings.squares
+        squares = (1 / 0.04 - 1) * np.sum((z - DUSTY / (1 - 0.04)) ** 2, axis=1)
+        yield np.arange(len(z)), np.where(z[:, 1] > self.wall, np.nan, squares)
 
 
 @pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (640, "emcee")])

@@ -134,6 +134,11 @@ def test_whitened_residuals_have_the_products_of_the_whole_covariance():
     np.testing.assert_allclose(
         joint.products(parts, [np.arange(4)] * 3, 4), columns.T @ inverse @ columns, rtol=1e-9, atol=1e-12
     )
+    coordinates = joint.coordinates(parts)
+    np.testing.assert_allclose(
+        (coordinates.T * joint.signs) @ coordinates, columns.T @ inverse @ columns, rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(joint.white(coordinates), white, rtol=1e-9, atol=1e-12)
     own = joint.products(parts, [np.array([0, 1, 2, 3]), np.array([0, 4, 5, 6]), np.array([0, 7, 8, 9])], 10)
     wide = np.zeros((len(inverse), 10))
     place = 0
@@ -155,7 +160,9 @@ def test_what_is_shared_is_the_mean_given_all_misfits():
 def test_of_one_photograph_nothing_is_shared():
     one = replace(three()[0], shared=0)
     misfit = np.random.default_rng(3).standard_normal(one.sigma.size)
-    np.testing.assert_allclose(joint_whitener([one])([misfit])[0], one.whitener(misfit))
+    joint, white = joint_whitener([one]), one.whitener(misfit)
+    np.testing.assert_allclose(joint([misfit])[0], white)
+    np.testing.assert_allclose(joint.white(joint.coordinates([misfit[:, None]]))[:, 0], white, rtol=1e-9, atol=1e-12)
     assert not np.any(shared_parts([one], [misfit]))
 
 

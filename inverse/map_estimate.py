@@ -6,7 +6,7 @@ other number of them; SciPy's is called with numbers.
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -47,12 +47,12 @@ class Optimum:
         """Log of what of the posterior is here, after Laplace, up to a constant."""
         return -0.5 * (self.cost + float(np.linalg.slogdet(self.information)[1]))
 
-    @cached_property
+    @property
     def limb(self) -> Gaussian:
         """Laplace's Gaussian of the limb."""
         return Gaussian.about(self.z[:LIMB], self.covariance[:LIMB, :LIMB])
 
-    @cached_property
+    @property
     def covariance(self) -> np.ndarray:
         """Laplace: the inverse of the information, whose eigenvalues the prior keeps at 1 or above."""
         value, vector = np.linalg.eigh(self.information)

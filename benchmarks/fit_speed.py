@@ -22,13 +22,13 @@ from benchmarks.calibration import SEED
 from benchmarks.drawn_photograph import draw
 from benchmarks.measure import RESULTS, machine
 from eclipsejax import session
+from inverse.answer import MOST_DRAWS
 from inverse.evidence import gather, prepare
 from inverse.fit import fit_atmosphere
 from inverse.optimum import best
 from inverse.posterior import LimbPosterior
 
 BATCH, REPEATS = 64, 5  # log posteriors at once, and how often
-MOST_DRAWS = 256_000
 ENDS = {"fitting": "optimum", "weighing": "posterior", "interpolating": "posterior", "sampling": "posterior"}
 
 
@@ -39,13 +39,13 @@ def main() -> None:
     options = parser.parse_args()
     session.start()
     if options.measure:
-        print(json.dumps(measured(options.ensembles, **json.loads(options.measure))))
+        print(json.dumps(measured(**json.loads(options.measure))))
         return
     with tempfile.TemporaryDirectory() as folder:
         drawn = draw(Path(folder) / "moon.jpg", SEED, 0)
         photograph = {"path": str(drawn.path), "utc": drawn.utc, "site": drawn.site}
-        first = _in_a_process(folder, photograph, False)
-        again = _in_a_process(folder, photograph, options.ensembles)
+        first = _in_a_process(folder, photograph | {"more": False, "ensembles": False})
+        again = _in_a_process(folder, photograph | {"more": True, "ensembles": options.ensembles})
     found = {"nothing compiled": first["first"], "another process": again["first"], "once more": again["second"]}
     for name, spent in found.items():
         print(f"{name}: {', '.join(f'{part} {seconds:.1f} s' for part, seconds in spent.items())}")
@@ -57,19 +57,16 @@ def main() -> None:
     (RESULTS / "fit_speed.json").write_text(json.dumps({"machine": machine(), "seconds": found}, indent=1) + "\n")
 
 
-def _in_a_process(folder: str, photograph: dict, ensembles: bool) -> dict:
-    """What `measured` finds in a new process that keeps compiled programs in a folder."""
-    command = [sys.executable, "-m", "benchmarks.fit_speed", "--measure", json.dumps(photograph)]
-    given = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
-    done = subprocess.run(
-        command + ["--ensembles"] * ensembles,
-        check=True, stdout=subprocess.PIPE, text=True, env=given | {"XDG_CACHE_HOME": folder},
-    )  # fmt: skip
+def _in_a_process(folder: str, given: dict) -> dict:
+    """What `measured` finds, as given, in a new process that keeps compiled programs in a folder."""
+    command = [sys.executable, "-m", "benchmarks.fit_speed", "--measure", json.dumps(given)]
+    here = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=here | {"XDG_CACHE_HOME": folder})
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def measured(ensembles: bool, path: str, utc: str, site: list[float]) -> dict:
-    """Seconds of the parts of two fits in this process, and of a batch of log posteriors."""
+def measured(path: str, utc: str, site: list[float], more: bool, ensembles: bool) -> dict:
+    """Seconds of the parts of a fit in this process; and, for `more`, of a second and of a batch of log posteriors."""
 
     def fit(draws=None):
         ends, start = {}, time.perf_counter()
@@ -80,7 +77,10 @@ def measured(ensembles: bool, path: str, utc: str, site: list[float]) -> dict:
         times = [start, ends["optimum"], ends["posterior"], time.perf_counter()]
         return found, dict(zip(("optimum", "posterior", "report"), map(float, np.diff(times)), strict=True))
 
-    result: dict = {"first": fit()[1], "second": fit()[1]}
+    result: dict = {"first": fit()[1]}
+    if not more:
+        return result
+    result["second"] = fit()[1]
     evidence = gather([path], time=utc, site=tuple(site), disc=None, progress=lambda *_: None)
     optimum, likelihood = best(prepare(evidence), [item.neighbours() for item in evidence])
     density, random = LimbPosterior(likelihood, optimum), np.random.default_rng(0)

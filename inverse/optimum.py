@@ -62,27 +62,26 @@ def _anew(likelihood: Likelihood, ends: Sequence[Optimum]) -> Iterator[Optimum]:
     return side_by_side(lambda end: descend(likelihood, end.z, ROUGH), ends)
 
 
-def distinct(ends: Sequence[Optimum]) -> list[Optimum]:
-    """The ends, of several beside each other the best: they would lead to the same one again."""
+def distinct(ends: Sequence[Optimum], count: int | None = None) -> list[Optimum]:
+    """The ends, of several beside each other the best: they would lead to the same one again.
+
+    - `count`: of the parameters, the first ones, by which they are told apart; all by default.
+    """
     kept: list[Optimum] = []
     for end in sorted(ends, key=lambda end: end.cost):
-        if all(_distance(end, other, end.z.size) > APART for other in kept):
+        if all(_distance(end, other, count) > APART for other in kept):
             kept.append(end)
     return kept
 
 
 def rivals(optimum: Optimum, ends: Sequence[Optimum]) -> tuple[Optimum, ...]:
-    """The ends, each once, that lie far from an optimum and may hold a share of the posterior."""
-    kept = [optimum]
-    for end in sorted(ends, key=lambda end: end.cost):
-        likely = end.log_mass > optimum.log_mass + np.log(SHARE)
-        if likely and all(_distance(end, other) > APART for other in kept):
-            kept.append(end)
-    return tuple(kept[1:])
+    """The ends, each once, whose limbs lie far from an optimum's and may hold a share of the posterior."""
+    likely = [end for end in ends if end.log_mass > optimum.log_mass + np.log(SHARE)]
+    return tuple(distinct([optimum, *likely], LIMB)[1:])
 
 
-def _distance(one: Optimum, other: Optimum, count: int = LIMB) -> float:
-    """Between two limbs, or between the first `count` parameters, in standard deviations of their difference."""
+def _distance(one: Optimum, other: Optimum, count: int | None) -> float:
+    """Between the first `count` parameters of two, in standard deviations of their difference."""
     apart = (one.z - other.z)[:count]
     both = (one.covariance + other.covariance)[:count, :count]
     return float(np.sqrt(apart @ np.linalg.solve(both, apart)))

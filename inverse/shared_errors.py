@@ -141,10 +141,8 @@ class JointWhitener:
 
     def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Of residuals of each photograph (datum, column), the columns the same for all."""
-        white = [whitener(part) for whitener, part in zip(self.each, parts, strict=True)]
-        along = sum(basis.T @ part for basis, part in zip(self.bases, white, strict=True))
-        back = (self.shrink * np.asarray(along).T).T
-        return [part + basis @ back for basis, part in zip(self.bases, white, strict=True)]
+        found = self.white(self.coordinates(parts))
+        return np.split(found, np.cumsum([len(one.basis) for one in self.each])[:-1])
 
     @cached_property
     def signs(self) -> np.ndarray:
@@ -160,10 +158,10 @@ class JointWhitener:
         """
         scaled = [whitener.alone(part) for whitener, part in zip(self.each, parts, strict=True)]
         pairs = zip(self.each, scaled, strict=True)
-        taken = [taken_off(one.shrink)[:, None] * (one.basis.T @ part) for one, part in pairs]
+        taken = [(taken_off(one.shrink) * (one.basis.T @ part).T).T for one, part in pairs]
         if self.shrink.size:
-            along = sum(onto @ part for onto, part in zip(self.along, scaled, strict=True))
-            taken.append(taken_off(self.shrink)[:, None] * along)
+            along = np.asarray(sum(onto @ part for onto, part in zip(self.along, scaled, strict=True)))
+            taken.append((taken_off(self.shrink) * along.T).T)
         return np.concatenate([*scaled, *taken])
 
     def white(self, coordinates: np.ndarray) -> np.ndarray:
@@ -171,9 +169,9 @@ class JointWhitener:
         sizes = [*(len(one.basis) for one in self.each), *(one.shrink.size for one in self.each)]
         *found, along = np.split(coordinates, np.cumsum(sizes))
         scaled, taken = found[: len(self.each)], found[len(self.each) :]
-        back = (self.shrink / taken_off(self.shrink))[:, None] * along
+        back = (self.shrink / taken_off(self.shrink) * along.T).T
         return np.concatenate([
-            part + one.basis @ ((one.shrink / taken_off(one.shrink))[:, None] * own) + basis @ back
+            part + one.basis @ (one.shrink / taken_off(one.shrink) * own.T).T + basis @ back
             for one, basis, part, own in zip(self.each, self.bases, scaled, taken, strict=True)
         ])  # fmt: skip
 

@@ -30,7 +30,7 @@ class Answer:
     - `method`: "laplace", "laplace+psis", "emcee+psis" (on a surrogate, weighed by the posterior) or "emcee".
     - `z`: (chain, draw, parameter), burn-in removed; the walkers of one ensemble follow each other.
     - `log_posterior`: (chain, draw); None for Laplace's Gaussian.
-    - `weighed`: the importance sampling, where it was tried.
+    - `weighed`: the importance sampling; None for Laplace's Gaussian alone.
     - `chain`, `diagnosis`: of the ensembles, where they were needed; by "emcee+psis" those of the surrogate.
     - `evaluated`, `not_finite`: points at which the posterior was asked for, and at which it was no finite number and
       taken as zero. A chain that is gone on with counts its own run alone.
@@ -85,7 +85,8 @@ def answer(
     """Draw from the posterior about an optimum.
 
     Importance sampling, from Laplace's Gaussian on (`inverse.importance`), where k-hat comes below 0.7: of a posterior
-    that is one-sided, beside zero dust, its proposals know the prior's side as well. Then ensembles on a surrogate
+    that is one-sided, beside zero dust, its proposals know the prior's side as well. From its draws the posterior
+    learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
     (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
     several, where the surrogate fails, or draws were asked for.
 
@@ -97,8 +98,6 @@ def answer(
         laplace = ErrorSize(optimum).laplace
         return Answer("laplace", laplace.draw(LAPLACE_DRAWS, np.random.default_rng(seed))[None])
     density = LimbPosterior(likelihood, optimum)
-    if before is not None:
-        check_same_density(density, before)
     found = _drawn(density, optimum, draws, seed, before, keep, progress)
     return replace(found, evaluated=density.evaluated, not_finite=density.not_finite)
 
@@ -107,12 +106,16 @@ def _drawn(
     density: LimbPosterior, optimum: Optimum, draws: int | None, seed: int, before, keep, progress
 ) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
-    weighed, bells = None, [end.limb for end in (optimum, *optimum.rivals)]
-    if draws is None:
-        weighed = importance(density, bells, seed=seed, report=lambda done, most: progress("weighing", done, most))
-        if before is None and weighed.trusted:
+    bells = [end.limb for end in (optimum, *optimum.rivals)]
+    weighed = importance(
+        density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
+    )  # fmt: skip
+    if before is not None:
+        check_same_density(density, before)
+    elif draws is None:
+        if weighed.trusted:
             return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
-        if before is None and not optimum.rivals:
+        if not optimum.rivals:
             found = interpolated(
                 density, optimum.limb, seed=seed, report=lambda done, most: progress("interpolating", done, most)
             )
@@ -177,6 +180,7 @@ def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> di
     assert likelihood.carried_at is not None
     ends = {
         "rivals.z": np.array([end.z for end in optimum.rivals]),
+        "rivals.cost": np.array([end.cost for end in optimum.rivals]),
         "rivals.information": np.array([end.information for end in optimum.rivals]),
     }
     own = {name: value for name, value in vars(optimum).items() if name != "rivals"}
@@ -196,9 +200,11 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
         int(numbers["not_finite"]),
     )  # fmt: skip
-    # Of these only where they are, and how wide, is asked for again.
-    ends = zip(numbers["rivals.z"], numbers["rivals.information"], strict=True)
-    rivals = tuple(replace(optimum, z=np.asarray(z), information=np.asarray(wide)) for z, wide in ends)
+    # Of these only where they are, how likely and how wide, is asked for again.
+    ends = zip(*(numbers[f"rivals.{what}"] for what in ("z", "cost", "information")), strict=True)
+    rivals = tuple(
+        replace(optimum, z=np.asarray(z), cost=float(cost), information=np.asarray(wide)) for z, cost, wide in ends
+    )
     optimum = replace(optimum, rivals=rivals)
     likelihood = likelihood.carried(np.asarray(numbers["carried_at"]), np.asarray(numbers["carried_with"]))
     fitted = tuple(

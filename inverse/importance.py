@@ -48,6 +48,7 @@ def importance(
     gaussians: Sequence[Gaussian],
     *,
     seed: int,
+    learn: Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]] | None = None,
     report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Importance:
     """Sample a density through the Gaussians about its optima, and where they do not do, through what they show.
@@ -58,6 +59,8 @@ def importance(
 
     - `density`: log densities (draw,) of points (draw, parameter).
     - `gaussians`: of Laplace, one for each optimum.
+    - `learn`: makes `density` another one, of nearly the same draws: called once, with the best draws to be had, it
+      returns what log densities have more from then on, a function of points.
     - `report`: called with the number of rounds done and that of all.
     """
     random = np.random.default_rng(seed)
@@ -71,8 +74,13 @@ def importance(
         log_ratio = value - logsumexp(each, axis=0, b=1.0 / done)
         weight, k_hat = _weights(log_ratio)
         found = _resampled(z, value, weight, k_hat, random)
-        if done == ROUNDS or not np.isfinite(k_hat) or (found.trusted and found.effective_samples > ENOUGH):
+        if not np.isfinite(k_hat):
             return found
+        if done == ROUNDS or (found.trusted and found.effective_samples > ENOUGH):
+            if learn is None:
+                return found
+            value, learn = value + learn(found.z)(z), None
+            continue
         proposals.append(fitted(z, tempered(log_ratio), gaussians, random))
         fresh = proposals[-1].draw(DRAWS, random)
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])

@@ -131,3 +131,19 @@ def test_a_seed_reproduces_the_draws():
         importance(half_normal, [Gaussian.about(np.zeros(2), np.eye(2))], seed=seed).z for seed in (3, 3, 4)
     )
     assert np.array_equal(one, two) and not np.array_equal(one, other)
+
+
+def test_what_is_learnt_late_is_part_of_what_is_drawn():
+    """A standard normal of which it becomes known, from its own draws, that it is tilted: the tilt moves its mean."""
+    slope, given = np.linspace(-0.5, 0.5, SIZE), []
+    plain = gaussian(np.eye(SIZE))
+    density = lambda z: plain(z) + (z @ slope if given else 0.0)
+
+    def learn(z):
+        given.append(z)
+        return lambda points: points @ slope
+
+    found = importance(density, [Gaussian.about(np.zeros(SIZE), np.eye(SIZE))], seed=2, learn=learn)
+    assert len(given) == 1 and np.abs(given[0].mean(axis=0)).max() < 5 / np.sqrt(ENOUGH)
+    assert found.trusted and found.z.mean(axis=0) == pytest.approx(slope, abs=5 / np.sqrt(found.effective_samples))
+    np.testing.assert_allclose(found.log_posterior, plain(found.z) + found.z @ slope, rtol=1e-9, atol=1e-9)

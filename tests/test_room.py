@@ -1,0 +1,66 @@
+"""The room that nuisances have makes of a density of their best values the marginal of the limb."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from inverse.catalogue import data_file
+from inverse.evidence import gather, prepare
+from inverse.importance import importance
+from inverse.likelihood import LIMB
+from inverse.map_estimate import descend, quadratic
+from inverse.posterior import LimbPosterior, _entries, batched
+from inverse.room import Room, log_volume
+
+LIMBS, DRAWS, STRETCH = 40, 600, 1.1
+
+
+def test_a_straight_log_volume_is_found():
+    random = np.random.default_rng(0)
+    z, slope = 0.3 * random.standard_normal((96, LIMB)), random.standard_normal(LIMB)
+    room = Room.through(z, 7.0 + z @ slope + 0.2 * random.standard_normal(96))
+    assert room.slope == pytest.approx(slope, abs=4 * 0.2 / np.sqrt(96 * 0.09))
+    assert room(z).mean() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_nothing_is_made_of_chance():
+    """Where draws lie in a heap, a slope through their scatter would reach far beyond them."""
+    random = np.random.default_rng(1)
+    z = 0.01 * random.standard_normal((96, LIMB))
+    assert np.abs(Room.through(z, 0.1 * random.standard_normal(96)).slope).max() < 0.5
+
+
+@pytest.fixture(scope="module")
+def likelihood():
+    profile = data_file("2022-05-16-profile.csv")
+    return prepare(gather([profile], time=None, site=None, disc=None, progress=lambda *_: None))
+
+
+def log_marginal(likelihood, about, z, normal):
+    """Of the joint density at a limb and its best nuisances z, integrated over nuisances by importance sampling."""
+    at = quadratic(likelihood, z)
+    moved = z[LIMB:] + STRETCH * normal @ np.linalg.inv(np.linalg.cholesky(at.information[LIMB:, LIMB:]))
+    entries = batched(partial(_entries, likelihood.shadow), z[None, :LIMB])
+    rows = about._rows(np.repeat(entries, len(moved), axis=0), moved)
+    cost = rows**2 @ about.signs + z[:LIMB] @ z[:LIMB]
+    log_volume = -0.5 * np.linalg.slogdet(at.information[LIMB:, LIMB:])[1]
+    return log_volume + logsumexp(-0.5 * cost + 0.5 * np.sum(normal**2, axis=1))
+
+
+def test_the_limbs_density_is_the_marginal_of_all(likelihood):
+    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
+    density = LimbPosterior(likelihood, optimum)
+    z = importance(density, [optimum.limb], seed=0).z[:LIMBS]
+    size, nuisances = optimum.z.size, np.arange(LIMB, optimum.z.size)
+    best = [descend(likelihood, np.concatenate([one, optimum.nuisances(one)]), 1e-7, nuisances).z for one in z]
+    half = np.random.default_rng(0).standard_normal((DRAWS // 2, size - LIMB))
+    normal = np.concatenate([half, -half])
+    exact = np.array([log_marginal(likelihood, density.ends[0], one, normal) for one in best])
+    profile = np.array([-0.5 * quadratic(likelihood, one).cost for one in best])
+    volume = np.array([log_volume(likelihood, one) for one in best])
+    missed = np.std(exact - profile)
+    assert missed > 0.2 and np.std(exact - profile - volume) < 0.4 * missed
+    room = density.learn(importance(density, [optimum.limb], seed=1).z)
+    assert np.std(exact - profile - room(z)) < 0.8 * missed

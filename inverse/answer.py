@@ -15,6 +15,7 @@ from inverse.error_size import ErrorSize
 from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
+from inverse.mixture import fitted
 from inverse.posterior import LimbPosterior
 from inverse.surrogate import interpolated
 
@@ -88,7 +89,8 @@ def answer(
     that is one-sided, beside zero dust, its proposals know the prior's side as well. From its draws the posterior
     learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
     (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
-    several, where the surrogate fails, or draws were asked for.
+    several, where the surrogate fails, or draws were asked for; with leaps to draws like the weighed ones, if those can
+    be trusted.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
@@ -110,6 +112,10 @@ def _drawn(
     weighed = importance(
         density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
     )  # fmt: skip
+    proposal = None
+    if weighed.trusted:
+        alike = np.full(len(weighed.z), 1.0 / len(weighed.z))
+        proposal = fitted(weighed.z, alike, bells, np.random.default_rng(seed))
     if before is not None:
         check_same_density(density, before)
     elif draws is None:
@@ -123,7 +129,7 @@ def _drawn(
                 z, value = found.weighed.z[None], found.weighed.log_posterior[None]
                 return Answer("emcee+psis", z, value, found.weighed, found.chain, found.diagnosis)
     chain = sample(
-        density, bells, draws=draws or MOST_DRAWS, seed=seed, chain=before, keep=keep,
+        density, bells, draws=draws or MOST_DRAWS, seed=seed, proposal=proposal, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),
     )  # fmt: skip
     diagnosis = diagnose(chain.z)

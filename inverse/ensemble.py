@@ -10,9 +10,12 @@ from eclipsejax.errors import InputError
 from inverse.chain import Chain
 from inverse.diagnostics import diagnose, long_enough
 from inverse.gaussian import Gaussian
+from inverse.mixture import Mixture
+from inverse.threads import side_by_side
 
 # Differential evolution; never emcee 3.1.6's snooker move, whose samples are up to 40 % too narrow.
 MOVES = ((emcee.moves.DEMove, {}, 0.9), (emcee.moves.DEMove, {"gamma0": 1.0}, 0.1))
+LEAPS = 0.8  # share of steps in which walkers leap to draws of a proposal instead, where there is one
 ENSEMBLES = 2
 WALKERS = 32  # of each
 BLOCK = 10  # steps that a kill may cost, or a fiftieth of the chain where that is more
@@ -27,7 +30,7 @@ Density = Callable[[np.ndarray], np.ndarray]
 def settings() -> dict:
     """What a chain depends on besides posterior and seed."""
     moves = [[move.__name__, options, weight] for move, options, weight in MOVES]
-    return {"emcee": emcee.__version__, "moves": moves, "ensembles": ENSEMBLES, "walkers": WALKERS}
+    return {"emcee": emcee.__version__, "moves": moves, "leaps": LEAPS, "ensembles": ENSEMBLES, "walkers": WALKERS}
 
 
 def sample(
@@ -36,25 +39,30 @@ def sample(
     *,
     draws: int,
     seed: int,
+    proposal: Mixture | None = None,
     chain: Chain | None = None,
     keep: Callable[[Chain], None] = lambda chain: None,
     report: Callable[[int, int], None] = lambda done, most: None,
 ) -> Chain:
     """Sample until every criterion of `diagnostics.diagnose` is met; now and then they are looked at.
 
-    The chain depends on the density, the Gaussians and the seed alone: not on `draws`, which only ends it, nor on
-    whether it was interrupted.
+    The chain depends on the density, the Gaussians, the proposal and the seed alone: not on `draws`, which only ends
+    it, nor on whether it was interrupted.
 
     - `density`: log densities (draw,) of points (draw, parameter).
     - `gaussians`: that the walkers start from, one for each peak. No walker crosses the valley between two of them by
       small steps, but one leaps it by the difference of two others that stand on either side.
     - `draws`: of all walkers together, at most, burn-in included.
+    - `proposal`: nearly the density. Walkers leap to draws of it, wherever they stand, and by differential evolution
+      they go where it has too few.
     - `chain`: to go on with.
     - `keep`: called with the chain so far, now and then, for storing it.
     - `report`: called with steps done and steps at most.
     """
     most, size = -(-draws // (ENSEMBLES * WALKERS)), len(gaussians[0].centre)
-    moves = [(move(**options), weight) for move, options, weight in MOVES]
+    leaps = 0.0 if proposal is None else LEAPS
+    moves = [(move(**options), (1.0 - leaps) * weight) for move, options, weight in MOVES]
+    moves += [] if proposal is None else [(emcee.moves.MHMove(_leaping(proposal)), leaps)]
     samplers = [emcee.EnsembleSampler(WALKERS, size, density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)]
     if chain is None:
         seeds = np.random.SeedSequence(seed).generate_state(ENSEMBLES)
@@ -68,7 +76,8 @@ def sample(
     report(chain.steps, most)
     while chain.steps < most and not _finished(chain):
         block = min(BLOCK - chain.steps % BLOCK, most - chain.steps)
-        states = [_advanced(sampler, state, block) for sampler, state in zip(samplers, states, strict=True)]
+        parts = [(sampler, state, block) for sampler, state in zip(samplers, states, strict=True)]
+        states = list(side_by_side(lambda part: _advanced(*part), parts))
         chain = _joined(chain, samplers, states)
         if chain.steps - stored >= max(BLOCK, chain.steps // 50):
             keep(chain)
@@ -113,6 +122,16 @@ def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.Ra
     # The likely ones in the order in which they were drawn; then, if those are too few, the least unlikely.
     chosen = np.argsort(np.maximum(depth, 0.5 * chi2.ppf(START_LEVEL, size)), kind="stable")[:WALKERS]
     return emcee.State(z[chosen], log_prob=value[chosen], random_state=random.get_state())
+
+
+def _leaping(proposal: Mixture) -> Callable:
+    """What `emcee.moves.MHMove` asks for: points, whatever those of the walkers are, and their log odds of proposal."""
+
+    def leap(z, random):
+        there = proposal.draw(len(z), random)
+        return there, proposal.log_density(z) - proposal.log_density(there)
+
+    return leap
 
 
 def _advanced(sampler: emcee.EnsembleSampler, state: emcee.State, steps: int) -> emcee.State:

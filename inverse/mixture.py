@@ -9,7 +9,7 @@ from scipy.special import gammaln, logsumexp
 from inverse.gaussian import Gaussian
 
 BELLS, ROUNDS = 5, 12  # and steps of expectation and maximisation
-FREEDOM, WIDER = 8.0, 1.1  # Student's degrees of freedom of the bells, and a margin of their variance
+FREEDOM, WIDER = 8.0, 1.4  # Student's degrees of freedom of the bells, and a margin of their variance
 KNOWN = 3.0  # draws a parameter that count as much as all bells together for the covariance of one
 # Shares, at first and later, of Laplace's bell wider than it is, and of the prior of z itself, which knows every peak.
 OPENING, DEFENCE, STRETCH = (0.25, 0.15), (0.08, 0.07), 2.5
@@ -27,7 +27,7 @@ class Mixture:
     bells: tuple[Gaussian, ...]
     freedom: float
 
-    def draw(self, count: int, random: np.random.Generator) -> np.ndarray:
+    def draw(self, count: int, random: np.random.Generator | np.random.RandomState) -> np.ndarray:
         """Points (draw, parameter)."""
         size = len(self.bells[0].centre)
         whose = random.choice(len(self.bells), count, p=self.shares)

@@ -11,6 +11,7 @@ the median, and within 2 of the peak by 0.15 at most.
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from threading import Lock
 
 import equinox as eqx
 import jax
@@ -29,7 +30,7 @@ from inverse.room import Room, log_volume
 from inverse.secants import Secants
 from inverse.threads import side_by_side
 
-BATCH = 16  # points worked out at once: one compiled shape serves whole and half ensembles
+BATCH = 4  # points worked out at once: one compiled shape serves any number of them, of which few are left over
 SHADOWS = 8  # tables of the shadow worked out side by side: more needs memory and is no faster on a few cores
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
 NEARER = (0.5, 0.0)  # shares of the linear guess tried where it is hopeless
@@ -53,6 +54,7 @@ class LimbPosterior:
         self.likelihood, self.sizes, self.room = likelihood, ErrorSize(optimum), Room.everywhere_alike()
         self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *ridge(likelihood, optimum))]
         self.evaluated = self.not_finite = 0
+        self.counting = Lock()
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
@@ -84,8 +86,9 @@ class LimbPosterior:
         return found
 
     def _count(self, values: np.ndarray) -> None:
-        self.evaluated += values.size
-        self.not_finite += int(np.sum(~np.isfinite(values)))
+        with self.counting:
+            self.evaluated += values.size
+            self.not_finite += int(np.sum(~np.isfinite(values)))
 
     def _parts(self, z: np.ndarray, of: Callable) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Which points, `AT_ONCE` at most, and what `of` finds of them in the `Surroundings` that they are in."""

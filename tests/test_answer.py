@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 
@@ -101,6 +102,7 @@ class Holed(LimbPosterior):
 
     def __init__(self, wall):
         self.evaluated = self.not_finite = 0
+        self.counting = Lock()
         self.wall = wall
 
     def learn(self, z):

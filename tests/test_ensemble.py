@@ -9,6 +9,7 @@ from inverse import ensemble
 from inverse.diagnostics import diagnose
 from inverse.ensemble import ENSEMBLES, WALKERS, sample
 from inverse.gaussian import Gaussian
+from inverse.mixture import Mixture, about
 from tests.targets import banana, gaussian, half_normal
 
 
@@ -58,6 +59,31 @@ def test_quantiles_of_a_banana_are_right():
         # A share of some 3000 effective samples: standard error 0.004-0.01.
         assert np.mean(z[:, 0] < np.quantile(first, level)) == pytest.approx(level, abs=0.03)
         assert np.mean(z[:, 1] < np.quantile(second, level)) == pytest.approx(level, abs=0.03)
+
+
+@pytest.mark.parametrize("wide", [0.7, 1.0, 2.0])  # narrower than the density is, as wide, wider
+def test_leaps_make_a_chain_shorter_and_change_nothing_of_what_is_drawn(wide):
+    size = 9
+    proposal = about([normal(size, wide)])
+    steps, variances = [], []
+    for some in (None, proposal):
+        chain = sample(gaussian(np.eye(size)), [normal(size)], draws=600_000, seed=4, proposal=some)
+        diagnosis = diagnose(chain.z)
+        assert diagnosis.converged
+        steps.append(chain.steps)
+        variances.append(np.mean(np.var(chain.z[:, diagnosis.burn_in :].reshape(-1, size), axis=0)))
+    assert steps[1] < 0.5 * steps[0]
+    assert variances == pytest.approx([1.0, 1.0], abs=0.03)
+
+
+def test_a_proposal_that_misses_half_of_the_density_does_no_harm():
+    """Its leaps never end in the half that it misses, and hardly ever leave it; the other moves do."""
+    density = lambda z: np.logaddexp(-0.5 * np.sum(z**2, axis=1), -0.5 * np.sum((z - 2.0) ** 2, axis=1))
+    narrow = Mixture(np.ones(1), (normal(2, 0.5),), np.inf)
+    chain = sample(density, [normal(2)], draws=600_000, seed=5, proposal=narrow)
+    diagnosis = diagnose(chain.z)
+    assert diagnosis.converged
+    assert np.mean(chain.z[:, diagnosis.burn_in :].sum(axis=-1) > 2.0) == pytest.approx(0.5, abs=0.03)
 
 
 def test_walkers_leap_between_peaks_that_they_start_from():

@@ -96,7 +96,10 @@ def test_a_peak_that_the_prior_hardly_meets_is_found_from_its_own_optimum():
 
 
 def test_a_bent_posterior_is_followed_to_its_ends():
-    """Where it is bent, Laplace's Gaussian takes the first parameter's standard deviation for a third of what it is."""
+    """Where it is bent, Laplace's Gaussian takes the first parameter's standard deviation for less than half of it.
+
+    In the mean of several seeds: draws that proposals learnt from had 0.91 of it, with every one of them.
+    """
     density = lambda z: -0.5 * np.sum(z**2, axis=1) - 0.5 * np.square((z[:, 0] - 0.5 * (z[:, 1] ** 2 - 1.0)) / 0.2)
     exact = np.random.default_rng(0).standard_normal((200_000, 2))
     bend = 0.5 * (exact[:, 1] ** 2 - 1.0)
@@ -105,11 +108,14 @@ def test_a_bent_posterior_is_followed_to_its_ends():
     mean = np.average(first, weights=weight)
     sd = np.sqrt(np.average((first - mean) ** 2, weights=weight))
     covariance = np.diag([1.0 / 26.0, *np.ones(SIZE - 1)])
+    assert np.sqrt(covariance[0, 0]) < 0.45 * sd
     start = np.zeros(SIZE)
     start[0] = -0.5 / 1.04
-    found = importance(density, [Gaussian.about(start, covariance)], seed=0)
-    assert found.trusted and np.sqrt(covariance[0, 0]) < 0.45 * sd
-    assert found.z[:, 0].mean() == pytest.approx(mean, abs=0.05) and found.z[:, 0].std() == pytest.approx(sd, rel=0.1)
+    found = [importance(density, [Gaussian.about(start, covariance)], seed=seed) for seed in range(8)]
+    assert all(one.trusted for one in found)
+    # One seed's standard deviation is off by 0.03, its mean by 0.025.
+    assert np.mean([one.z[:, 0].mean() for one in found]) == pytest.approx(mean, abs=0.025)
+    assert np.mean([one.z[:, 0].std() for one in found]) == pytest.approx(sd, rel=0.06)
 
 
 def test_beside_zero_the_prior_is_followed():
@@ -121,9 +127,10 @@ def test_beside_zero_the_prior_is_followed():
     mode = line[np.argmax(-0.5 * line**2 - np.exp(3.0 * (line + 0.5)))]
     start = np.array([mode, *np.zeros(SIZE - 1)])
     covariance = np.diag([1.0 / (1.0 + 9.0 * np.exp(3.0 * (mode + 0.5))), *np.ones(SIZE - 1)])
-    found = importance(density, [Gaussian.about(start, covariance)], seed=0)
-    assert found.trusted
-    assert np.quantile(found.z[:, 0], [0.025, 0.5, 0.975]) == pytest.approx(wanted, abs=0.1)
+    found = [importance(density, [Gaussian.about(start, covariance)], seed=seed) for seed in range(4)]
+    assert all(one.trusted for one in found)
+    quantiles = np.mean([np.quantile(one.z[:, 0], [0.025, 0.5, 0.975]) for one in found], axis=0)
+    assert quantiles == pytest.approx(wanted, abs=0.1)
 
 
 def test_a_seed_reproduces_the_draws():

@@ -12,6 +12,8 @@ from inverse.map_estimate import Optimum, descend, quadratic
 from inverse.posterior import BATCH, LimbPosterior
 from inverse.ridge import ALONG, APART, LIKELY, PLACES, ridge
 
+LIMBS = 16
+
 
 @pytest.fixture(scope="module")
 def likelihood():
@@ -55,7 +57,7 @@ def test_nuisances_are_at_their_best(likelihood):
     optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     posterior = LimbPosterior(likelihood, optimum)
     factor = np.linalg.cholesky(optimum.covariance[:LIMB, :LIMB])
-    limbs = optimum.z[:LIMB] + np.random.default_rng(3).standard_normal((BATCH, LIMB)) @ factor.T
+    limbs = optimum.z[:LIMB] + np.random.default_rng(3).standard_normal((LIMBS, LIMB)) @ factor.T
     nuisances = np.arange(LIMB, optimum.z.size)
     exact = [descend(likelihood, np.concatenate([limb, optimum.z[LIMB:]]), 1e-7, nuisances).cost for limb in limbs]
     worse = costs(posterior, limbs) - np.array(exact)
@@ -91,7 +93,7 @@ def test_a_rival_serves_its_own_neighbours(likelihood):
     aside = np.concatenate([optimum.z[:LIMB] + step[:LIMB], optimum.nuisances(optimum.z[:LIMB] + step[:LIMB])])
     rival = replace(optimum, z=aside, information=quadratic(likelihood, aside).information)
     factor = np.linalg.cholesky(optimum.covariance[:LIMB, :LIMB])
-    limbs = optimum.z[:LIMB] + 0.7 * np.random.default_rng(5).standard_normal((BATCH, LIMB)) @ factor.T
+    limbs = optimum.z[:LIMB] + 0.7 * np.random.default_rng(5).standard_normal((LIMBS, LIMB)) @ factor.T
     alone, both = LimbPosterior(likelihood, optimum), LimbPosterior(likelihood, replace(optimum, rivals=(rival,)))
     nearest = [np.argmax([end.optimum.limb.log_density(limb[None])[0] for end in both.ends]) for limb in limbs]
     assert set(nearest) >= {0, 1}

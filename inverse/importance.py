@@ -70,8 +70,8 @@ def importance(
     proposals, counts = [about(gaussians)], [DRAWS]
     z = proposals[0].draw(DRAWS, random)
     value = density(z)
+    report(len(z), MOST)
     while True:
-        report(len(z), MOST)
         each = np.array([proposal.log_density(z) for proposal in proposals])
         log_ratio = value - logsumexp(each, axis=0, b=np.array(counts)[:, None] / len(z))
         found = _resampled(z, value, *_weights(log_ratio), random)
@@ -87,6 +87,7 @@ def importance(
         counts.append(LAST if last else DRAWS)
         fresh = proposals[-1].draw(counts[-1], random)
         fresh_value = density(fresh)
+        report(len(z) + len(fresh), MOST)
         if last:
             alone = weighed(fresh, fresh_value, proposals[-1].log_density(fresh), random)
             if alone.trusted or exhausted:

@@ -4,9 +4,8 @@ The nuisances of the photographs are at their best under each limb, found by a f
 descent leaves log densities 0.1 to 0.6 higher in the mean of one posterior's draws, at random. The marginal is that
 times their room (`inverse.room`), which is learnt from draws of the posterior. To first order about the optimum alone
 neither would do: tone curve, colour matrix and exposure bend together, and an interval three times too narrow was seen.
-A sampler then sees only the atmosphere. Which points of the Moon a photograph shows,
-half of the work, is followed to first order: of 128 draws from one posterior that changed the log densities by 0.06 in
-the median, and within 2 of the peak by 0.15 at most.
+A sampler then sees only the atmosphere. Which points of the Moon a photograph shows, half of the work, is followed to
+first order: that changed the log densities of one posterior's draws by 0.02 to 0.5 (rms of nine drawn photographs).
 """
 
 from collections.abc import Callable, Iterator

@@ -112,10 +112,6 @@ def _drawn(
     weighed = importance(
         density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
     )  # fmt: skip
-    proposal = None
-    if weighed.trusted:
-        alike = np.full(len(weighed.z), 1.0 / len(weighed.z))
-        proposal = fitted(weighed.z, alike, bells, np.random.default_rng(seed))
     if before is not None:
         check_same_density(density, before)
     elif draws is None:
@@ -128,6 +124,10 @@ def _drawn(
             if found.trusted:
                 z, value = found.weighed.z[None], found.weighed.log_posterior[None]
                 return Answer("emcee+psis", z, value, found.weighed, found.chain, found.diagnosis)
+    proposal = None
+    if weighed.trusted:
+        alike = np.full(len(weighed.z), 1.0 / len(weighed.z))
+        proposal = fitted(weighed.z, alike, bells, np.random.default_rng(seed))
     chain = sample(
         density, bells, draws=draws or MOST_DRAWS, seed=seed, proposal=proposal, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),

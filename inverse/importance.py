@@ -58,7 +58,8 @@ def importance(
     mixture (`inverse.mixture`), which follows a bent posterior, or one of two peaks, where a Gaussian does not. Draws
     are then weighed as if they came from all proposals together. Where these weights can be trusted, fresh draws of one
     more proposal are the answer, and only they: those that proposals learnt from, and that told when to stop, miss what
-    they happened not to meet, and held standard deviations of a bent density for 9 % smaller than they are.
+    they happened not to meet, and held standard deviations of a bent density for 9 % smaller than they are. Where no
+    last draws can be trusted, all that were learnt from are returned, trusted or not.
 
     - `density`: log densities (draw,) of points (draw, parameter).
     - `gaussians`: of Laplace, one for each optimum.

@@ -2,8 +2,8 @@
 
 Laplace's integral over them is their density at the best times the root of the determinant of their covariance there.
 Its log is nearly straight in the limb: over the posteriors of nine drawn photographs it varied by a standard deviation
-of 0.2 to 0.9, of which a line left 0.04 to 0.55. Without it temperature and the clouds' top and cover came out too
-high by 0.05 to 0.1 of their standard deviations in the mean of 500 drawn photographs.
+of 0.2 to 0.9, of which a line left 0.04 to 0.55. Draws of seven posteriors weighed by it have, in the mean, 0.07 of a
+standard deviation more dust, and clouds' cover and top lower by 0.08 and 0.11.
 """
 
 from dataclasses import dataclass

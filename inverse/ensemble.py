@@ -17,7 +17,7 @@ from inverse.threads import side_by_side
 MOVES = ((emcee.moves.DEMove, {}, 0.9), (emcee.moves.DEMove, {"gamma0": 1.0}, 0.1))
 LEAPS = 0.8  # share of steps in which walkers leap to draws of a proposal instead, where there is one
 ENSEMBLES = 2
-WALKERS = 32  # of each
+FEWEST = 20  # walkers of each: 32 have the same autocorrelation time, and cost 60 % more for more samples than needed
 BLOCK = 10  # steps that a kill may cost, or a fiftieth of the chain where that is more
 FIRST_CHECK, CHECK_GROWTH = 200, 1.1  # steps; each check at so many times those of the last, to `BLOCK`
 
@@ -27,10 +27,15 @@ START_ROUNDS = 50
 Density = Callable[[np.ndarray], np.ndarray]
 
 
+def walkers(size: int) -> int:
+    """Walkers of each ensemble for so many parameters: differences of either half of them go in every direction."""
+    return max(FEWEST, 2 * size + 2)
+
+
 def settings() -> dict:
     """What a chain depends on besides posterior and seed."""
     moves = [[move.__name__, options, weight] for move, options, weight in MOVES]
-    return {"emcee": emcee.__version__, "moves": moves, "leaps": LEAPS, "ensembles": ENSEMBLES, "walkers": WALKERS}
+    return {"emcee": emcee.__version__, "moves": moves, "leaps": LEAPS, "ensembles": ENSEMBLES, "fewest": FEWEST}
 
 
 def sample(
@@ -59,15 +64,17 @@ def sample(
     - `keep`: called with the chain so far, now and then, for storing it.
     - `report`: called with steps done and steps at most.
     """
-    most, size = -(-draws // (ENSEMBLES * WALKERS)), len(gaussians[0].centre)
+    size = len(gaussians[0].centre)
+    count = walkers(size)
+    most = -(-draws // (ENSEMBLES * count))
     leaps = 0.0 if proposal is None else LEAPS
     moves = [(move(**options), (1.0 - leaps) * weight) for move, options, weight in MOVES]
     moves += [] if proposal is None else [(emcee.moves.MHMove(_leaping(proposal)), leaps)]
-    samplers = [emcee.EnsembleSampler(WALKERS, size, density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)]
+    samplers = [emcee.EnsembleSampler(count, size, density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)]
     if chain is None:
         seeds = np.random.SeedSequence(seed).generate_state(ENSEMBLES)
         states = [_start(density, gaussians, np.random.RandomState(int(one))) for one in seeds]
-        nothing = np.zeros((ENSEMBLES, 0, WALKERS, size))
+        nothing = np.zeros((ENSEMBLES, 0, count, size))
         chain = Chain(nothing, nothing[..., 0], np.zeros(ENSEMBLES), tuple(state.random_state for state in states))
     else:
         parts = zip(chain.z[:, -1], chain.log_posterior[:, -1], chain.random, strict=True)
@@ -103,16 +110,17 @@ def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.Ra
     there for 500 steps, 20 below the best in log density.
     """
     size = len(gaussians[0].centre)
+    count = walkers(size)
     z, value, depth = np.zeros((0, size)), np.zeros(0), np.zeros(0)
     for _ in range(START_ROUNDS):
-        normal = random.standard_normal((WALKERS, size))
+        normal = random.standard_normal((count, size))
         fresh = np.empty_like(normal)
         for first, gaussian in enumerate(gaussians):  # by turns: whichever are left out below, they are of all
             fresh[first :: len(gaussians)] = gaussian.at(normal[first :: len(gaussians)])
         z, value = np.concatenate([z, fresh]), np.concatenate([value, density(fresh)])
         with np.errstate(invalid="ignore"):
             depth = np.where(np.isfinite(value), value.max() - value, np.inf)
-        if np.sum(depth < 0.5 * chi2.ppf(START_LEVEL, size)) >= WALKERS:
+        if np.sum(depth < 0.5 * chi2.ppf(START_LEVEL, size)) >= count:
             break
     if not np.isfinite(value.max()):
         raise InputError(
@@ -120,7 +128,7 @@ def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.Ra
             "take --draws 0 for Laplace's approximation, and send the photograph with a bug report."
         )
     # The likely ones in the order in which they were drawn; then, if those are too few, the least unlikely.
-    chosen = np.argsort(np.maximum(depth, 0.5 * chi2.ppf(START_LEVEL, size)), kind="stable")[:WALKERS]
+    chosen = np.argsort(np.maximum(depth, 0.5 * chi2.ppf(START_LEVEL, size)), kind="stable")[:count]
     return emcee.State(z[chosen], log_prob=value[chosen], random_state=random.get_state())
 
 

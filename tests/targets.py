@@ -35,16 +35,23 @@ def half_normal(z):
     return np.where(z[:, 0] > 0, -0.5 * np.sum(z**2, axis=1), -np.inf)
 
 
-def sample_to_file(path: Path, draws: int, chain=None):
+def draws_of(steps: int, size: int) -> int:
+    """That many steps of all walkers."""
+    from inverse.ensemble import ENSEMBLES, walkers
+
+    return steps * ENSEMBLES * walkers(size)
+
+
+def sample_to_file(path: Path, steps: int, chain=None):
     """The chain that the tests of killing and resuming draw."""
     from inverse.chain import Record
     from inverse.ensemble import sample
 
     return sample(
-        gaussian(correlated(SIZE)), [Gaussian.about(CENTRE, START)], draws=draws, seed=5, chain=chain,
+        gaussian(correlated(SIZE)), [Gaussian.about(CENTRE, START)], draws=draws_of(steps, SIZE), seed=5, chain=chain,
         keep=lambda chain: Record(IDENTITY, {"z": CENTRE, "inflation": 1.0}, chain).write(path),
     )  # fmt: skip
 
 
 if __name__ == "__main__":
-    sample_to_file(Path(sys.argv[1]), 64 * 100_000)
+    sample_to_file(Path(sys.argv[1]), 100_000)

@@ -19,7 +19,7 @@ from inverse.map_estimate import Optimum
 from inverse.noise import Errors
 from inverse.posterior import LimbPosterior, Surroundings
 from inverse.room import Room
-from tests.targets import gaussian
+from tests.targets import draws_of, gaussian
 
 SIZE = len(prior.ATMOSPHERE)
 
@@ -87,7 +87,7 @@ def test_a_posterior_unlike_its_gaussian_is_sampled(asked, monkeypatch):
 
 
 def test_draws_asked_for_are_sampled(asked):
-    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=640)
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(10, SIZE))
     assert found.method == "emcee" and found.report["psis"]["k_hat"] < 0.7
     assert found.report["sampler"]["steps"] == 10 and not found.report["sampler"]["converged"]
 
@@ -117,7 +117,7 @@ class Holed(LimbPosterior):
         yield np.arange(len(z)), np.where(z[:, 1] > self.wall, np.nan, squares)
 
 
-@pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (640, "emcee")])
+@pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (draws_of(10, SIZE), "emcee")])
 def test_points_that_are_no_numbers_are_counted_and_none_of_the_draws(asked, draws, method):
     whole, _ = asked(Holed(np.inf), DUSTY, COVARIANCE, draws=draws)
     assert whole.report["not_finite"] == 0 and whole.z[..., 1].max() > 0.3
@@ -129,22 +129,22 @@ def test_points_that_are_no_numbers_are_counted_and_none_of_the_draws(asked, dra
 
 
 def test_a_chain_that_goes_on_counts_its_own_points(asked):
-    found, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=64 * 20)
-    longer, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
-    assert 640 <= longer.report["evaluated"] < found.report["evaluated"]
+    found, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=draws_of(20, SIZE))
+    longer, _ = asked(Holed(0.3), DUSTY, COVARIANCE, draws=draws_of(30, SIZE), before=found.chain)
+    assert draws_of(10, SIZE) <= longer.report["evaluated"] < found.report["evaluated"]
 
 
 def test_a_chain_goes_on_only_under_the_density_it_was_drawn_from(asked):
-    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
-    longer, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(20, SIZE))
+    longer, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(30, SIZE), before=found.chain)
     assert np.array_equal(longer.chain.z[:, :20], found.chain.z)
     with pytest.raises(InputError, match="no longer the one") as refused:
-        asked(about(DUSTY, 1.01 * COVARIANCE), DUSTY, COVARIANCE, draws=64 * 30, before=found.chain)
+        asked(about(DUSTY, 1.01 * COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(30, SIZE), before=found.chain)
     assert "\n" not in str(refused.value)
 
 
 def test_chains_are_sorted_by_ensemble(asked):
-    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=64 * 20)
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(20, SIZE))
     kept = found.chain.z[:, found.diagnosis.burn_in :]
     assert np.array_equal(by_ensemble(found.z[..., 2]), kept[..., 2])
 
@@ -170,7 +170,7 @@ def test_a_beginning_comes_back_from_numbers():
     before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
     prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]), np.array([[0.1, 0.04, 0.3]]))
-    for draws in (None, 0, 640):
+    for draws in (None, 0, draws_of(10, SIZE)):
         numbers = {name: np.asarray(value) for name, value in beginning(optimum, found, draws).items()}
         same, likelihood, given = begun(numbers, prepared)
         assert given == draws

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 def stored(tmp_path_factory):
     """A chain of 40 steps, and its file."""
     path = tmp_path_factory.mktemp("chain") / "chain.h5"
-    return sample_to_file(path, 64 * 40), path
+    return sample_to_file(path, 40), path
 
 
 def assert_same(one: Chain, two: Chain):
@@ -43,8 +43,8 @@ def test_a_file_gives_back_what_was_written(stored):
 
 def test_a_chain_from_disk_goes_on_bit_for_bit(stored, tmp_path):
     chain, path = stored
-    whole = sample_to_file(tmp_path / "whole.h5", 64 * 75)
-    assert_same(sample_to_file(tmp_path / "part.h5", 64 * 75, read_record(path, IDENTITY).chain), whole)
+    whole = sample_to_file(tmp_path / "whole.h5", 75)
+    assert_same(sample_to_file(tmp_path / "part.h5", 75, read_record(path, IDENTITY).chain), whole)
     assert_same(read_record(tmp_path / "part.h5", IDENTITY).chain, whole)
 
 
@@ -72,8 +72,8 @@ def test_sampling_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path):
     killed(process)
     left = read_record(path, IDENTITY).chain
     steps = left.steps + 25
-    whole = sample_to_file(tmp_path / "whole.h5", 64 * steps)
-    assert_same(sample_to_file(path, 64 * steps, left), whole)
+    whole = sample_to_file(tmp_path / "whole.h5", steps)
+    assert_same(sample_to_file(path, steps, left), whole)
 
 
 WRITER = """

@@ -14,10 +14,12 @@ from inverse.catalogue import data_file
 from inverse.chain import read_record
 from inverse.evidence import gather
 from inverse.fit import fit_atmosphere
+from inverse.likelihood import LIMB
 from inverse.optimum import best
 from tests import synthetic
+from tests.targets import draws_of
 
-DRAWS = 64 * 20
+DRAWS = draws_of(20, LIMB)
 
 
 @pytest.fixture(scope="module")

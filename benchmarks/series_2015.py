@@ -9,7 +9,8 @@ noise is below a tenth, beside the floor: what is left of the same cells by the 
 the shadow's axis in each photograph and channel, times the model's map of the Moon. And the same of an uneven limb: the
 misfit less the errors that the photographs share, beside the floor where one function of the place in the shadow is
 taken away from all of them. Last, how much of the misfits goes with that place, and how much with the place on the
-Moon. Writes benchmarks/results/series_2015.json.
+Moon; and the misfits by place, which `notebooks/real_photographs.ipynb` draws. Writes
+benchmarks/results/series_2015.json.
 """
 
 import argparse
@@ -19,7 +20,7 @@ from itertools import combinations
 import numpy as np
 
 from benchmarks.measure import RESULTS
-from benchmarks.shared_misfits import KNOTS, Seen, beside_offset, beside_shadow, rms, variances
+from benchmarks.shared_misfits import KNOTS, Seen, beside_offset, beside_shadow, by_place, rms, variances
 from eclipsejax import session
 from inverse.catalogue import Entry, catalogue, photograph
 from inverse.fit import fit_atmosphere
@@ -94,13 +95,14 @@ def main() -> int:
         f"{one}, {other}": abs(depths[one][0] - depths[other][0]) / float(np.hypot(depths[one][1], depths[other][1]))
         for one, other in combinations(fits, 2)
     }
-    channels, shares, frames = {}, {}, {}
+    channels, shares, places, frames = {}, {}, {}, {}
     for index, channel in enumerate(CHANNELS):
         parts = {photo.name: part for photo in joint.photos if (part := part_of(photo, index)) is not None}
         channels[channel] = told(list(parts.values()))
         for limb in ("", "uneven "):
             channels[channel][f"{limb}ratio"] = channels[channel][f"{limb}misfit"] / channels[channel][f"{limb}floor"]
-        shares[channel] = variances([Seen(part["shadow"], part["moon"], part["missed"]) for part in parts.values()])
+        missed = [Seen(part["shadow"], part["moon"], part["missed"]) for part in parts.values()]
+        shares[channel], places[channel] = variances(missed), by_place(missed)
         for name, part in parts.items():
             frames.setdefault(name, {})[channel] = {
                 "cells": part["missed"].size, "misfit": rms(part["missed"]), "uneven misfit": rms(part["left"])
@@ -112,6 +114,7 @@ def main() -> int:
         "optical depth": {name: fit.estimates["stratospheric_optical_depth"].ci95 for name, fit in fits.items()},
         "clock [s]": {name: [clock.map, clock.sd] for name, clock in clocks.items()},
         "standard deviations apart": apart, "channels": channels, "variance of misfits": shares,
+        "misfits by place in the shadow": places,
         "photographs": frames,
         "seconds": {name: fit.diagnostics["seconds"] for name, fit in fits.items()},
         "method": {name: fit.diagnostics["method"] for name, fit in fits.items()},

@@ -18,6 +18,8 @@ BUMPS = 1.5e-3  # rad: width of the bumps that make the function of the place in
 STIFF = 0.3  # variance of the noise by that of a bump's height
 TURNS = 10  # of either function in favour of the other
 COUNTED = 250  # cells of a photograph, for the covariances
+SQUARE = 4.0  # arcmin: side of those that misfits are averaged over
+LEAST = 8  # cells of one, of two photographs at least
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,25 @@ def beside_shadow(photographs: Sequence[Seen]) -> np.ndarray:
         change = bumps @ np.linalg.solve(known, bumps.T @ left)
         function, left = function + change, left - change
     return left
+
+
+def by_place(misfits: Sequence[Seen]) -> list[dict[str, float]]:
+    """Means over squares of the shadow: `east`, `north` of the axis [arcmin], `mean`, `spread` of photographs, `cells`.
+
+    - `spread`: standard deviation of the photographs' own means, each of which sees the square elsewhere on the Moon.
+    """
+    whose = np.repeat(np.arange(len(misfits)), [one.log_light.size for one in misfits])
+    value = np.concatenate([one.log_light for one in misfits])
+    place = np.concatenate([np.rint(np.degrees(one.shadow) * 60.0 / SQUARE) for one in misfits]).astype(int)
+    found = []
+    for square in np.unique(place, axis=0):
+        here = np.all(place == square, axis=1)
+        means = [value[here & (whose == one)].mean() for one in np.unique(whose[here])]
+        if len(means) > 1 and here.sum() >= LEAST:
+            east, north = (SQUARE * square).tolist()
+            numbers = {"mean": float(np.mean(value[here])), "spread": float(np.std(means, ddof=1))}
+            found.append({"east": east, "north": north, **numbers, "cells": int(here.sum())})
+    return found
 
 
 def variances(misfits: Sequence[Seen]) -> dict[str, dict[str, float]]:

@@ -8,7 +8,7 @@ from benchmarks.drawn_errors import DrawnErrors, Located, at, field, rough
 from benchmarks.drawn_photograph import FULL
 from benchmarks.drawn_series import draw_series
 from benchmarks.series_2015 import part_of, told
-from benchmarks.shared_misfits import Seen, beside_offset, beside_shadow, rms, variances
+from benchmarks.shared_misfits import SQUARE, Seen, beside_offset, beside_shadow, by_place, rms, variances
 from inverse.photo import read_photo
 from inverse.result import PhotoFit
 from inverse.shared_errors import MOON
@@ -62,6 +62,22 @@ def test_an_uneven_limb_is_a_function_of_the_place_in_the_shadow():
         for i, one in enumerate(each)
     ]
     assert rms(beside_shadow(noisy)) == pytest.approx(0.1, rel=0.1)
+
+
+def test_misfits_by_place_are_those_of_the_shadow_and_spread_by_the_moons_own():
+    slope, own = 30.0, 0.05
+    each = [disc_in_shadow(centre, lambda shadow, moon: slope * shadow[:, 0] + own * moon[:, 1]) for centre in CENTRES]
+    squares = by_place(each)
+    east, north, mean, spread = (
+        np.array([one[name] for one in squares]) for name in ("east", "north", "mean", "spread")
+    )
+    assert len(squares) > 50 and min(one["cells"] for one in squares) >= 8
+    limb = slope * np.radians(east / 60.0)
+    # Squares half full are off by a quarter of one; the Moon's own has any value up to its amplitude.
+    assert np.all(np.abs(mean - limb) < slope * np.radians(SQUARE / 60.0) / 4 + own)
+    assert np.corrcoef(mean, limb)[0, 1] > 0.9
+    even = by_place([disc_in_shadow(centre, lambda shadow, moon: slope * shadow[:, 0]) for centre in CENTRES])
+    assert np.median(spread) > 3.0 * np.median([one["spread"] for one in even])
 
 
 def test_variances_are_told_apart_by_place():

@@ -12,6 +12,8 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
 from eclipsejax import session
+from inverse.catalogue import data_file
+from inverse.evidence import gather, prepare
 
 # What one process of a run has compiled (a worker, a notebook, a command), the others need not; no later run sees it,
 # unless the variable is set.
@@ -49,3 +51,10 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"reference material not found at {SHARED.name}/ beside the checkout")
     return SHARED
+
+
+@pytest.fixture(scope="module")
+def likelihood():
+    """Of the measured profile of 2022-05-16, as a fit begins with it."""
+    profile = data_file("2022-05-16-profile.csv")
+    return prepare(gather([profile], time=None, site=None, disc=None, progress=lambda *_: None))

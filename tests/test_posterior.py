@@ -5,20 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inverse.catalogue import data_file
-from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB
 from inverse.map_estimate import Optimum, descend, quadratic
 from inverse.posterior import BATCH, LimbPosterior
 from inverse.ridge import ALONG, APART, LIKELY, PLACES, ridge
 
 LIMBS = 16
-
-
-@pytest.fixture(scope="module")
-def likelihood():
-    profile = data_file("2022-05-16-profile.csv")
-    return prepare(gather([profile], time=None, site=None, disc=None, progress=lambda *_: None))
 
 
 @pytest.fixture(scope="module")

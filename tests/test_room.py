@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from inverse.catalogue import data_file
-from inverse.evidence import gather, prepare
 from inverse.importance import importance
 from inverse.likelihood import LIMB
 from inverse.map_estimate import descend, quadratic
@@ -30,12 +28,6 @@ def test_nothing_is_made_of_chance():
     random = np.random.default_rng(1)
     z = 0.01 * random.standard_normal((96, LIMB))
     assert np.abs(Room.through(z, 0.1 * random.standard_normal(96)).slope).max() < 0.5
-
-
-@pytest.fixture(scope="module")
-def likelihood():
-    profile = data_file("2022-05-16-profile.csv")
-    return prepare(gather([profile], time=None, site=None, disc=None, progress=lambda *_: None))
 
 
 def log_marginal(likelihood, about, z, normal):

@@ -76,9 +76,13 @@ class _Smooth:
 
 
 class DrawnErrors:
-    """Those of one eclipse, as large as a fit thinks them beforehand."""
+    """Those of one eclipse, as large as a fit thinks them beforehand.
 
-    def __init__(self, random: np.random.Generator):
+    - `share`: of them that photographs get: 0 for photographs without errors, all else the same.
+    """
+
+    def __init__(self, random: np.random.Generator, share: float = 1.0):
+        self.share = share
         sizes = np.exp(CENTRES + WIDTHS * random.standard_normal(len(CENTRES)))
         _, self.common, self.chromatic, self.uneven = sizes
         self.smooth = [_Smooth(random) for _ in range(4)]
@@ -97,7 +101,7 @@ class DrawnErrors:
             alike + self.chromatic * smooth + noise.COLOURED * self.uneven * colour
             for smooth, colour in zip(each, coloured, strict=True)
         ]
-        return np.stack(found, axis=-1) + _patches(random, seen) / SURVIVING
+        return self.share * (np.stack(found, axis=-1) + _patches(random, seen) / SURVIVING)
 
 
 def _patches(random: np.random.Generator, seen: Located) -> np.ndarray:

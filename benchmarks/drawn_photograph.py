@@ -113,15 +113,15 @@ class Drawn:
         return (registration.roll - self.roll + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong()) -> Drawn:
-    """Draw photograph `number` of a seed and write it, a JPEG."""
+def draw(path: Path, seed: int, number: int, wrong: Wrong = Wrong(), share: float = 1.0) -> Drawn:
+    """Draw photograph `number` of a seed and write it, a JPEG; `share` as of `DrawnErrors`."""
     random = np.random.default_rng([seed, number])
     z = random.standard_normal(len(prior.ATMOSPHERE))
     nuisance = drawn_nuisance(random)
     if wrong.clock is not None:
         nuisance["clock"] = wrong.clock
     [stated], site = instants(random, lambda: [random.uniform()])
-    light, truth = recorded(random, path, stated, site, z, nuisance, wrong)
+    light, truth = recorded(random, path, stated, site, z, nuisance, wrong, share=share)
     encoded = _encoded(light, nuisance, wrong)
     Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(path, quality=int(random.integers(*QUALITY)))
     return truth
@@ -141,11 +141,12 @@ def recorded(
     nuisance: dict[str, float],
     wrong: Wrong = Wrong(),
     errors: DrawnErrors | None = None,
+    share: float = 1.0,
 ) -> tuple[np.ndarray, Drawn]:
     """What a sensor records (row, column, 3), 1 where it is full, and the truth about it.
 
     - `stated`: the scene at the time that the photographer says; `z`: of the limb (parameter,).
-    - `errors`: of surface and limb, which a series shares; by default drawn.
+    - `errors`: of surface and limb, which a series shares; by default drawn, and this `share` of them given.
     """
     limb = {p.name: float(p.value(value)) for p, value in zip(prior.ATMOSPHERE, z, strict=True)}
     where = stated.after(nuisance["clock"])
@@ -159,7 +160,7 @@ def recorded(
     east, north = up * np.sin(roll) - right * np.cos(roll), up * np.cos(roll) + right * np.sin(roll)
     east_of_axis, north_of_axis = (np.asarray(axis) for axis in _shadow(scene))
     located = Located(right, up, east, north, (east_of_axis, north_of_axis))
-    errors = errors or DrawnErrors(random)
+    errors = errors or DrawnErrors(random, share)
     light = light * np.exp(errors.of(random, located))
     on_disc = np.hypot(right, up) < 0.95
     light = _exposed(wrong.light(light, radius), nuisance, on_disc, radius)

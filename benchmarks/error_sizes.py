@@ -37,7 +37,7 @@ def log_ratios(number: int, folder: Path) -> list[float]:
     evidence = gather([drawn.path], time=drawn.utc, site=drawn.site, disc=None, progress=lambda *_: None)
     before = prepare(evidence)
     optimum, likelihood = best(before, [evidence[0].neighbours()])
-    true = before.carried(_truth(before, drawn, evidence[0].registration), np.array([drawn.amplitudes]))
+    true = before.carried(truth(before, drawn, evidence[0].registration), np.array([drawn.amplitudes]))
     sizes = dict(zip(("smooth", "chromatic", "uneven"), drawn.amplitudes, strict=True))
     measured = np.asarray(likelihood.observed[0].measured)[:, None]
     ((_, slopes),) = likelihood.misfits_and_slopes(optimum.z)
@@ -58,8 +58,8 @@ def drawn_errors(errors, random: np.random.Generator, count: int) -> np.ndarray:
     return alone.reshape(modes.shape) + modes
 
 
-def _truth(likelihood, drawn, registration) -> np.ndarray:
-    """The truth about a drawn photograph as a vector z (parameter,)."""
+def truth(likelihood, drawn, registration) -> np.ndarray:
+    """The truth about a drawn photograph, put where its registration has it, as a vector z (parameter,)."""
     seen = {
         "gain": np.log(drawn.sensitivity) - float(likelihood.models[0].gain),
         "exposure": 0.0,

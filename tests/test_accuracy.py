@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import at_truth
 from benchmarks.accuracy import judged
 from benchmarks.drawn_errors import DrawnErrors, Located, at, field, rough
 from benchmarks.drawn_photograph import FULL
@@ -25,6 +26,23 @@ def test_errors_and_widths_are_judged_together():
     assert found["mean sd"] == pytest.approx(0.002) and found["not fitted"] == 1 and found["inside"]
     assert not judged([row(0.01, 0.0101, 0.004)], 0.002)["inside"]  # right, but it does not know
     assert not judged([row(0.01, 0.02, 0.001)], 0.002)["inside"]
+
+
+def test_steps_from_the_truth_are_standard_where_the_model_is_right():
+    random = np.random.default_rng(0)
+    slopes = random.standard_normal((40, 3)) * [0.05, 0.3, 2.0]  # told by the prior, by both, by the data
+
+    def drawn(wrong):
+        misfits, z = random.standard_normal((40, 4000)) + wrong[:, None], random.standard_normal((3, 4000))
+        return np.array([at_truth.steps(*pair) for pair in zip(misfits.T, [slopes] * 4000, z.T, strict=True)])
+
+    right = drawn(np.zeros(40))
+    assert right.mean(axis=0) == pytest.approx(np.zeros(3), abs=0.06)
+    assert right.std(axis=0) == pytest.approx(np.ones(3), abs=0.05)
+    # Data that a model with its last parameter 0.5 higher would explain, and their errors: so far it is off, if known.
+    off = drawn(-0.5 * slopes[:, 2])
+    known = np.sqrt(np.sum(slopes[:, 2] ** 2))
+    assert off.mean(axis=0)[2] == pytest.approx(0.5 * known, rel=0.1) and abs(off.mean(axis=0)[0]) < 0.1
 
 
 def test_the_floor_is_what_no_smooth_function_of_the_offset_can_take():

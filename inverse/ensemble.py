@@ -67,10 +67,10 @@ def sample(
     size = len(gaussians[0].centre)
     count = walkers(size)
     most = -(-draws // (ENSEMBLES * count))
-    leaps = 0.0 if proposal is None else LEAPS
-    moves = [(move(**options), (1.0 - leaps) * weight) for move, options, weight in MOVES]
-    moves += [] if proposal is None else [(emcee.moves.MHMove(_leaping(proposal)), leaps)]
-    samplers = [emcee.EnsembleSampler(count, size, density, moves=moves, vectorize=True) for _ in range(ENSEMBLES)]
+    # Each has moves of its own: emcee keeps the length of a step in them, and the ensembles go on in two threads.
+    samplers = [
+        emcee.EnsembleSampler(count, size, density, moves=_moves(proposal), vectorize=True) for _ in range(ENSEMBLES)
+    ]
     if chain is None:
         seeds = np.random.SeedSequence(seed).generate_state(ENSEMBLES)
         states = [_start(density, gaussians, np.random.RandomState(int(one))) for one in seeds]
@@ -130,6 +130,13 @@ def _start(density: Density, gaussians: Sequence[Gaussian], random: np.random.Ra
     # The likely ones in the order in which they were drawn; then, if those are too few, the least unlikely.
     chosen = np.argsort(np.maximum(depth, 0.5 * chi2.ppf(START_LEVEL, size)), kind="stable")[:count]
     return emcee.State(z[chosen], log_prob=value[chosen], random_state=random.get_state())
+
+
+def _moves(proposal: Mixture | None) -> list[tuple]:
+    """`MOVES`, and where there is a proposal to leap to, leaps, with their shares."""
+    leaps = 0.0 if proposal is None else LEAPS
+    moves = [(move(**options), (1.0 - leaps) * weight) for move, options, weight in MOVES]
+    return moves if proposal is None else [*moves, (emcee.moves.MHMove(_leaping(proposal)), leaps)]
 
 
 def _leaping(proposal: Mixture) -> Callable:

@@ -121,6 +121,20 @@ def test_a_seed_reproduces_the_chain_and_the_ensembles_differ():
     assert one.shape == (ENSEMBLES, 30, walkers(2), 2) and not np.array_equal(one[0], one[1])
 
 
+def test_ensembles_share_no_move(monkeypatch):
+    """They go on in two threads, and a move of emcee holds the length of its steps, which each run sets anew."""
+    found = []
+
+    class Recording(emcee.EnsembleSampler):
+        def __init__(self, *given, moves: list, **more):
+            found.append([move for move, _ in moves])
+            super().__init__(*given, moves=moves, **more)
+
+    monkeypatch.setattr(emcee, "EnsembleSampler", Recording)
+    sample(banana, [normal(2)], draws=draws_of(2, 2), seed=7, proposal=about([normal(2)]))
+    assert len(found) == ENSEMBLES and len({id(move) for moves in found for move in moves}) == sum(map(len, found))
+
+
 def test_draws_only_end_the_chain():
     short, long = (sample(banana, [normal(2)], draws=draws_of(steps, 2), seed=7) for steps in (13, 40))
     assert short.steps == 13 and np.array_equal(short.z, long.z[:, :13])

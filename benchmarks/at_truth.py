@@ -10,18 +10,14 @@ one scene. Coverage says whether intervals are wrong; this says by what, in seco
 
 import argparse
 import json
-import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from benchmarks.calibration import SEED
-from benchmarks.error_sizes import truth
+from benchmarks.error_sizes import of_each, true_errors, truth
 from benchmarks.measure import RESULTS
 from eclipsejax import session
 
@@ -53,8 +49,7 @@ def moved(number: int, folder: Path) -> dict[str, list[float]] | None:
             return None
         before = prepare(evidence)
         z = truth(before, drawn, evidence[0].registration)
-        sizes = dict(zip(("smooth", "chromatic", "uneven"), drawn.amplitudes, strict=True))
-        errors = replace(before.carried(z, np.array([drawn.amplitudes])).errors[0], independent=1.0, **sizes)
+        errors = true_errors(before, drawn, z)
         # The mean of what bends with errors is not there without them.
         likelihood = before.with_errors([errors if share else replace(errors, excess=0.0)])
         ((misfit, slopes),) = likelihood.misfits_and_slopes(z)
@@ -83,13 +78,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
-    with (
-        TemporaryDirectory() as folder,
-        ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool,
-    ):
-        all_rows = list(pool.map(partial(moved, folder=Path(folder)), range(options.count)))
-    rows = [row for row in all_rows if row is not None]
+    rows = [row for row in of_each(moved, options.count, options.workers) if row is not None]
     found = summary(rows)
     for name, one in found.items():
         print(

@@ -11,11 +11,13 @@ import argparse
 import json
 import multiprocessing
 import os
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
+from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from benchmarks.calibration import QUANTITIES, SEED
 from benchmarks.measure import RESULTS
 from eclipsejax import session
 
+Row = TypeVar("Row")
 ERRORS = 1000  # drawn for each photograph: standard deviations to 2 %
 
 
@@ -37,13 +40,12 @@ def log_ratios(number: int, folder: Path) -> list[float]:
     evidence = gather([drawn.path], time=drawn.utc, site=drawn.site, disc=None, progress=lambda *_: None)
     before = prepare(evidence)
     optimum, likelihood = best(before, [evidence[0].neighbours()])
-    true = before.carried(truth(before, drawn, evidence[0].registration), np.array([drawn.amplitudes]))
-    sizes = dict(zip(("smooth", "chromatic", "uneven"), drawn.amplitudes, strict=True))
+    true = true_errors(before, drawn, truth(before, drawn, evidence[0].registration))
     measured = np.asarray(likelihood.observed[0].measured)[:, None]
     ((_, slopes),) = likelihood.misfits_and_slopes(optimum.z)
     (slopes,) = likelihood.whitener([slopes * measured])
     spreads = []
-    for errors in (replace(true.errors[0], independent=1.0, **sizes), likelihood.errors[0]):
+    for errors in (true, likelihood.errors[0]):
         (white,) = likelihood.whitener([drawn_errors(errors, np.random.default_rng(number), ERRORS) * measured])
         spreads.append((optimum.covariance @ (slopes.T @ white)).std(axis=1))
     names = [parameter.name for parameter in likelihood.parameters]
@@ -56,6 +58,12 @@ def drawn_errors(errors, random: np.random.Generator, count: int) -> np.ndarray:
     alone = roots @ random.standard_normal((*roots.shape[:2], count))
     modes = (errors.modes * errors.amplitudes) @ random.standard_normal((errors.modes.shape[1], count))
     return alone.reshape(modes.shape) + modes
+
+
+def true_errors(likelihood, drawn, z: np.ndarray):
+    """`Errors` of a drawn photograph, of their true sizes, as its camera at the truth z makes them of the light's."""
+    sizes = dict(zip(("smooth", "chromatic", "uneven"), drawn.amplitudes, strict=True))
+    return replace(likelihood.carried(z, np.array([drawn.amplitudes])).errors[0], independent=1.0, **sizes)
 
 
 def truth(likelihood, drawn, registration) -> np.ndarray:
@@ -79,20 +87,25 @@ def z_of(parameter, value: float) -> float:
     return float((to(value) - to(parameter.centre)) / parameter.width)
 
 
+def of_each(function: Callable[[int, Path], Row], count: int, workers: int) -> Iterator[Row]:
+    """What a function makes of each of the first so many photographs, in processes; it is given a folder to draw in."""
+    session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
+    with (
+        TemporaryDirectory() as folder,
+        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
+    ):
+        yield from pool.map(function, range(count), repeat(Path(folder)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=96)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
-    with (
-        TemporaryDirectory() as folder,
-        ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool,
-    ):
-        ratios = []
-        for number, row in enumerate(pool.map(partial(log_ratios, folder=Path(folder)), range(options.count))):
-            ratios.append(row)
-            print(f"photograph {number}: " + " ".join(f"{value:+.2f}" for value in row), flush=True)
+    ratios = []
+    for number, row in enumerate(of_each(log_ratios, options.count, options.workers)):
+        ratios.append(row)
+        print(f"photograph {number}: " + " ".join(f"{value:+.2f}" for value in row), flush=True)
     of_all = np.array(ratios)
     found = {
         "photographs": options.count, "seed": SEED, "mean": float(of_all.mean()), "spread": float(of_all.std()),

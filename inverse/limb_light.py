@@ -1,8 +1,5 @@
 """The shadow's light in the camera's channels, as a function of the limb."""
 
-from functools import cache
-from importlib.resources import files
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +14,7 @@ from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import slopes
 from eclipsejax.wavelengths import channel_weights
 from inverse import prior
+from inverse.scattered_light import log_scattered
 from inverse.uneven_limb import washing
 
 OFFSETS, EDGE_OFFSETS = 28, 72  # in the table of the shadow: in totality, and where the umbra's edge is on the Moon
@@ -29,8 +27,8 @@ class Shadow(eqx.Module):
     """The table of the shadow as a function of the parameters z of the limb."""
 
     tabulator: Tabulator
-    scattered: Float[Array, "level channel"]
-    """Log of the light scattered into the umbra, for the dust of `scattered_light`."""
+    moon_distance: Float[Array, ""]
+    """From the Earth's centre [m]."""
     washing: Float[Array, "offset offset"]
     """Smooths the log of the direct light over the table's entries, see `uneven_limb`."""
 
@@ -45,33 +43,9 @@ class Shadow(eqx.Module):
 def log_light(limb: Float[Array, " parameter"], shadow: Shadow) -> Float[Array, "offset 1 channel"]:
     """Log of the light in the camera's channels at the table's entries, for parameters z of the limb."""
     value = prior.values(prior.ATMOSPHERE, limb)
-    levels = _dust_scale(scattered_light()[0])
-    weights = _lagrange(jnp.clip(_dust_scale(value["dust.extinction"]), levels[0], levels[-1]), levels)
-    scattered = weights @ shadow.scattered + jnp.log(value["scattered.amplitude"])
+    scattered = log_scattered(value, shadow.moon_distance) + jnp.log(value["scattered.amplitude"])
     direct = jnp.tensordot(shadow.washing, shadow.tabulator(prior.atmosphere(limb)).log_light, axes=1)
     return jnp.logaddexp(direct, scattered)
-
-
-@cache
-def scattered_light() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Dust [1/m] (level,), wavelength [nm] and light scattered into the umbra, of sunlight (level, wavelength).
-
-    From `eclipsejax/tables/make_scattered_light.py`; to 5 % from the axis to 40' under dust of 4e-6 /m.
-    """
-    text = (files("eclipsejax") / "tables" / "scattered_light.csv").read_text().splitlines()
-    rows = [line.split(",") for line in text if not line.startswith("#")]
-    values = np.array([[float(number) for number in row] for row in rows[1:]])
-    return values[:, 0], np.array([float(name) for name in rows[0][1:]]), values[:, 1:]
-
-
-def _dust_scale(extinction):
-    return jnp.log(extinction + 3e-7)
-
-
-def _lagrange(x, nodes) -> Float[Array, " node"]:
-    """Weights of a polynomial through values at nodes."""
-    others = [jnp.delete(nodes, index) for index in range(len(nodes))]
-    return jnp.stack([jnp.prod((x - o) / (node - o)) for node, o in zip(nodes, others, strict=True)])
 
 
 def shadow_light(shadow: Shadow, limb: Float[Array, " parameter"]) -> ShadowTable:
@@ -111,7 +85,5 @@ def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
         sun, moon_distance, sun_distance, jnp.asarray([ends.min(), ends.max()]), wavelength, weights,
         tolerance=TOLERANCE, count=count, deep=False,
     )  # fmt: skip
-    _, known, light = scattered_light()
-    at_these = np.array([np.interp(np.asarray(wavelength), known, np.log(level)) for level in light])
     smooth = washing(np.asarray(prepared.grid.from_axis(moon_distance)))
-    return Shadow(prepared, jnp.log(jnp.exp(at_these) @ weights), jnp.asarray(smooth))
+    return Shadow(prepared, moon_distance, jnp.asarray(smooth))

@@ -22,6 +22,7 @@ from inverse.surrogate import interpolated
 FITTED = ("independent", "smooth", "chromatic", "uneven", "outlying")  # of the `Errors`
 MOST_DRAWS = 256_000
 LAPLACE_DRAWS = 400
+BESIDE = 12.0  # above the optimum's cost, at most: points of the ridge whose surroundings are drawn from
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,9 @@ def answer(
 ) -> Answer:
     """Draw from the posterior about an optimum.
 
-    Importance sampling, from Laplace's Gaussian on (`inverse.importance`), where k-hat comes below 0.7: of a posterior
-    that is one-sided, beside zero dust, its proposals know the prior's side as well. From its draws the posterior
+    Importance sampling, from Laplace's Gaussians of the optima and along the `ridge` on (`inverse.importance`), where
+    k-hat comes below 0.7: of a posterior that is one-sided, beside zero dust, its proposals know the prior's side as
+    well. From its draws the posterior
     learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
     (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
     several, where the surrogate fails, or draws were asked for; with leaps to draws like the weighed ones, if those can
@@ -108,7 +110,8 @@ def _drawn(
     density: LimbPosterior, optimum: Optimum, draws: int | None, seed: int, before, keep, progress
 ) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
-    bells = [end.limb for end in (optimum, *optimum.rivals)]
+    peaks = [end.limb for end in (optimum, *optimum.rivals)]
+    bells = [end.limb for end in density.ends if end.optimum.cost < optimum.cost + BESIDE]
     weighed = importance(
         density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
     )  # fmt: skip
@@ -129,7 +132,7 @@ def _drawn(
         alike = np.full(len(weighed.z), 1.0 / len(weighed.z))
         proposal = fitted(weighed.z, alike, bells, np.random.default_rng(seed))
     chain = sample(
-        density, bells, draws=draws or MOST_DRAWS, seed=seed, proposal=proposal, chain=before, keep=keep,
+        density, peaks, draws=draws or MOST_DRAWS, seed=seed, proposal=proposal, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),
     )  # fmt: skip
     diagnosis = diagnose(chain.z)

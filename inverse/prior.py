@@ -65,7 +65,7 @@ ATMOSPHERE = (
     Parameter("clouds.width", "m", "lognormal", 4e3, 0.4, "tops vary along the limb"),
     Parameter("haze.optical_depth", "-", "lognormal", 0.1, 0.6, "vertical, 550 nm; AERONET's usual range"),
     Parameter("ozone.column_du", "DU", "normal", 300.0, 35.0, "mean of the limb"),
-    Parameter("scattered.amplitude", "-", "lognormal", 1.0, 0.4, "of the light that a typical limb scatters"),
+    Parameter("scattered.amplitude", "-", "lognormal", 1.0, 0.4, "of the light that such a limb scatters"),
 )  # fmt: skip
 
 # What the camera, its pointing and the photographer's clock add. For each photograph; what a camera is known to keep

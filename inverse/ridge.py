@@ -1,9 +1,11 @@
-"""Where the posterior goes far from an optimum: the best limbs and cameras with cloud tops or dust lower and higher.
+"""Where the posterior goes far from an optimum: the best limbs and cameras with more and less of dust and clouds.
 
 Low clouds take light that would be faint anyway, high ones most of what there is, and so does dust; the camera makes up
 for it, and the posterior bends along them, with exposure, black and tone curve. From the optimum alone the steps of
 `inverse.posterior` did not find these there. Of seven drawn photographs that ruled out the true, low clouds, four were
 left with squares of 2 to 2600 too many at the true limb, where a full descent gives 10 to 21 more than the optimum's.
+Proposals that know the ridge as well (`inverse.answer`) agree on its ends: of one photograph, drawn from by three
+seeds, clouds below 3.5 km had chances of 0.012 to 0.034 without and of 0.039 to 0.042 with it.
 """
 
 import numpy as np
@@ -13,7 +15,7 @@ from inverse.map_estimate import Optimum, descend
 from inverse.optimum import ROUGH
 from inverse.threads import side_by_side
 
-ALONG = ("clouds.top", "dust.extinction")
+ALONG = ("clouds.top", "dust.extinction", "clouds.cover")
 PLACES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # z of these
 APART = 0.4  # between two points, at least
 LIKELY = 30.0  # above the optimum's cost, at most

@@ -20,8 +20,8 @@ TERMS = ("1", "temperature", "ozone", "top", "top^2", "cover", "cover top", "dis
 def log_scattered(value: dict, moon_distance) -> Float[Array, " channel"]:
     """Log of the light 20' from the axis, of sunlight, white on the uneclipsed Moon; `scattered.amplitude` is 1.
 
-    To 4 % (rms) over limbs of the prior, 11 % at most for 99 of 100 of them: `inverse.tables.make_scattered_light`
-    prints it. 1 to 3 % more from the axis to 40'.
+    To 2.5 % (rms) over limbs of the prior, 8 % for 99 of 100 of them: `inverse.tables.make_scattered_light`
+    prints it, and 4 % (rms) at 40'.
 
     - `value`: of the limb, by the names of `prior.ATMOSPHERE`.
     - `moon_distance`: from the Earth's centre [m].

@@ -23,7 +23,7 @@ from inverse import prior
 from inverse.scattered_light import LITTLE, TERMS, log_scattered, terms
 
 TARGET = Path(__file__).parent / "scattered_light.csv"
-LEVELS, LEAST, MOST = 9, 6e-9, 6e-5  # 1/m
+LEVELS, LEAST, MOST = 11, 2e-9, 6e-5  # 1/m
 FITTED, CHECKED = 200, 1000  # limbs, at each level and with any dust
 OFFSETS = np.radians(np.array([20.0, 0.0, 40.0]) / 60.0)  # the first one is fitted
 APSIDES = (0.945, 1.055)  # mean distances
@@ -63,11 +63,15 @@ def main() -> None:
     def log_light(z, distances):
         return np.log([np.asarray(light(jnp.asarray(one), far)) for one, far in zip(z, distances, strict=True)])
 
+    @jax.vmap
+    def every_term(z, distance):
+        return jnp.stack(terms(prior.values(prior.ATMOSPHERE, z), distance))
+
     random = np.random.default_rng(20221108)
     lines = ["extinction,term,red,green,blue"]
     for extinction in extinctions():
         z, distances = limbs(random, FITTED, extinction)
-        columns = np.stack(jax.vmap(lambda z, d: jnp.stack(terms(prior.values(prior.ATMOSPHERE, z), d)))(z, distances))
+        columns = np.asarray(every_term(z, distances))
         found, *_ = np.linalg.lstsq(columns, log_light(z, distances)[:, 0], rcond=None)
         for term, row in zip(TERMS, found, strict=True):
             lines.append(f"{extinction:.4e},{term}," + ",".join(f"{value:.4f}" for value in row))

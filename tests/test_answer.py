@@ -29,6 +29,7 @@ class Plain:
     """A log density that counts nothing."""
 
     density: Callable
+    ends: Any = ()
     evaluated: int = 0
     not_finite: int = 0
 
@@ -44,13 +45,15 @@ class Plain:
 def asked(monkeypatch):
     """`answer` for a posterior that is a density of our choice, about an optimum of our choice."""
 
-    def ask(density, z, covariance, draws=None, before=None):
+    def ask(density, z, covariance, draws=None, before=None, ridge=()):
         kept = []
         density = density if isinstance(density, LimbPosterior) else Plain(density)
         monkeypatch.setattr(module, "LimbPosterior", lambda likelihood, optimum: density)
         monkeypatch.setattr(module, "interpolated", lambda *_, **__: SimpleNamespace(trusted=False))
         information = np.linalg.inv(covariance)
         optimum = Optimum(np.asarray(z), 1.0, True, 3, information, (1.0, 2.0))
+        ends = [optimum, *(replace(optimum, z=point, cost=optimum.cost + above) for point, above in ridge)]
+        density.ends = [SimpleNamespace(optimum=end, limb=end.limb) for end in ends]
         nothing: Any = None
         found = answer(nothing, optimum, draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None)
         assert json.dumps(found.report, allow_nan=False)
@@ -84,6 +87,16 @@ def test_a_posterior_unlike_its_gaussian_is_sampled(asked, monkeypatch):
     assert found.report["psis"]["k_hat"] > 0.7 or found.report["psis"]["effective_samples"] < LEAST_SAMPLES
     assert found.report["sampler"]["converged"] and found.report["sampler"]["unmet"] == []
     assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.36), rel=0.15)
+
+
+@pytest.mark.parametrize("above, share", [(0.0, 0.5), (20.0, 0.0)])
+def test_what_lies_along_the_ridge_is_drawn_from_as_far_as_it_is_likely(asked, above, share):
+    """A place that Laplace's Gaussian of the optimum knows nothing of, as likely as all of what that knows."""
+    there = DUSTY + np.array([0.0, 0.0, 0.0, -4.0, 3.0, *np.zeros(SIZE - 5)])
+    here, apart = about(DUSTY, COVARIANCE), about(there, COVARIANCE)
+    found, _ = asked(lambda z: np.logaddexp(here(z), apart(z)), DUSTY, COVARIANCE, ridge=[(there, above)])
+    assert found.method == "laplace+psis"
+    assert np.mean(found.z[..., 3] < -2.0) == pytest.approx(share, abs=0.05)
 
 
 def test_draws_asked_for_are_sampled(asked):

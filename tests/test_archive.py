@@ -457,6 +457,7 @@ def test_the_version_is_of_the_code_that_a_fit_goes_through():
     assert inside >= {
         "inverse/fit.py",
         "inverse/catalogue.py",
+        "inverse/tables/scattered_light.csv",
         "eclipsejax/limb.py",
         "eclipsejax/tables/atmosphere_profiles_afgl1986.csv",
     }

@@ -70,7 +70,8 @@ def program() -> str:
 def files_of_a_fit() -> list[Path]:
     """The code and tables that a fit goes through; packages within the two, such as this one, are no part of it."""
     home = Path(__file__).resolve().parents[2]
-    every = [*home.glob("inverse/*.py"), *home.glob("eclipsejax/*.py"), *home.glob("eclipsejax/tables/*")]
+    parts = ("inverse/*.py", "inverse/tables/*", "eclipsejax/*.py", "eclipsejax/tables/*")
+    every = [path for part in parts for path in home.glob(part)]
     return [
         path for path in sorted(every) if path.is_file() and not any(word in path.name for word in NO_PART_OF_A_FIT)
     ]

@@ -41,7 +41,6 @@ def main() -> None:
     if options.measure:
         print(json.dumps(measured(**json.loads(options.measure))))
         return
-    session.one_blas_thread()  # of the processes, as of the command: they load NumPy before anything of ours
     with tempfile.TemporaryDirectory() as folder:
         drawn = draw(Path(folder) / "moon.jpg", SEED, 0)
         photograph = {"path": str(drawn.path), "utc": drawn.utc, "site": drawn.site}

@@ -88,8 +88,7 @@ def answer(
 
     Importance sampling, from Laplace's Gaussians of the optima and along the `ridge` on (`inverse.importance`), where
     k-hat comes below 0.7: of a posterior that is one-sided, beside zero dust, its proposals know the prior's side as
-    well. From its draws the posterior
-    learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
+    well. From its draws the posterior learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
     (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
     several, where the surrogate fails, or draws were asked for; with leaps to draws like the weighed ones, if those can
     be trusted.
@@ -111,7 +110,8 @@ def _drawn(
 ) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
     peaks = [end.limb for end in (optimum, *optimum.rivals)]
-    bells = [end.limb for end in density.ends if end.optimum.cost < optimum.cost + BESIDE]
+    along = [end for end in density.ends[len(peaks) :] if end.optimum.cost < optimum.cost + BESIDE]
+    bells = [*peaks, *(end.limb for end in along)]
     weighed = importance(
         density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
     )  # fmt: skip

@@ -30,15 +30,15 @@ def log_scattered(value: dict, moon_distance) -> Float[Array, " channel"]:
     levels = log_dust(extinction)
     dust = jnp.clip(log_dust(value["dust.extinction"]), levels[0], levels[-1])
     weights = lagrange(dust, levels)
-    return jnp.einsum("l,ltc,t->c", weights, coefficients, jnp.stack(terms(value, moon_distance)))
+    return jnp.einsum("l,ltc,t->c", weights, coefficients, terms(value, moon_distance))
 
 
-def terms(value: dict, moon_distance) -> list:
+def terms(value: dict, moon_distance) -> Float[Array, " term"]:
     """What the log of the light is straight in, in the order of `TERMS`."""
     top, cover = jnp.log(value["clouds.top"] / 7e3), value["clouds.cover"] - 0.9
     warmer, ozone = (value["air.surface_temperature"] - 285.0) / 10.0, (value["ozone.column_du"] - 300.0) / 30.0
     farther = jnp.log(moon_distance / MOON_MEAN_DISTANCE)
-    return [jnp.ones_like(top), warmer, ozone, top, top**2, cover, cover * top, jnp.broadcast_to(farther, top.shape)]
+    return jnp.stack([jnp.ones_like(top), warmer, ozone, top, top**2, cover, cover * top, farther])
 
 
 def log_dust(extinction):

@@ -20,7 +20,7 @@ from eclipsejax.scattered import scattered_irradiance
 from eclipsejax.sun import Sun
 from eclipsejax.wavelengths import channel_weights
 from inverse import prior
-from inverse.scattered_light import LITTLE, TERMS, log_scattered, terms
+from inverse.scattered_light import LITTLE, TERMS, log_dust, log_scattered, terms
 
 TARGET = Path(__file__).parent / "scattered_light.csv"
 LEVELS, LEAST, MOST = 11, 2e-9, 6e-5  # 1/m
@@ -37,7 +37,7 @@ HEADER = """\
 
 def extinctions() -> np.ndarray:
     """Levels of dust, Chebyshev's in the scale that the curve has (level,) [1/m]."""
-    low, high = np.log(np.array([LEAST, MOST]) + LITTLE)
+    low, high = np.asarray(log_dust(np.array([LEAST, MOST])))
     place = 0.5 * (1.0 - np.cos(np.pi * np.arange(LEVELS) / (LEVELS - 1)))
     return np.exp(low + (high - low) * place) - LITTLE
 
@@ -65,7 +65,7 @@ def main() -> None:
 
     @jax.vmap
     def every_term(z, distance):
-        return jnp.stack(terms(prior.values(prior.ATMOSPHERE, z), distance))
+        return terms(prior.values(prior.ATMOSPHERE, z), distance)
 
     random = np.random.default_rng(20221108)
     lines = ["extinction,term,red,green,blue"]

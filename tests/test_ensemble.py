@@ -121,7 +121,8 @@ def test_a_seed_reproduces_the_chain_and_the_ensembles_differ():
     assert one.shape == (ENSEMBLES, 30, walkers(2), 2) and not np.array_equal(one[0], one[1])
 
 
-def test_ensembles_share_no_move(monkeypatch):
+@pytest.mark.parametrize("proposal", [None, about([normal(2)])])
+def test_ensembles_share_no_move(monkeypatch, proposal):
     """They go on in two threads, and a move of emcee holds the length of its steps, which each run sets anew."""
     found = []
 
@@ -131,16 +132,19 @@ def test_ensembles_share_no_move(monkeypatch):
             super().__init__(*given, moves=moves, **more)
 
     monkeypatch.setattr(emcee, "EnsembleSampler", Recording)
-    sample(banana, [normal(2)], draws=draws_of(2, 2), seed=7, proposal=about([normal(2)]))
+    sample(banana, [normal(2)], draws=draws_of(2, 2), seed=7, proposal=proposal)
     assert len(found) == ENSEMBLES and len({id(move) for moves in found for move in moves}) == sum(map(len, found))
 
 
-def test_draws_only_end_the_chain():
-    short, long = (sample(banana, [normal(2)], draws=draws_of(steps, 2), seed=7) for steps in (13, 40))
-    assert short.steps == 13 and np.array_equal(short.z, long.z[:, :13])
+@pytest.mark.parametrize("proposal", [None, about([normal(2)])])
+def test_draws_only_end_the_chain(proposal):
+    def drawn(steps, **given):
+        return sample(banana, [normal(2)], draws=draws_of(steps, 2), seed=7, proposal=proposal, **given)
+
+    short, long = drawn(13), drawn(40)
+    assert short.steps == 20 and np.array_equal(short.z, long.z[:, :20])  # whole blocks
     assert not diagnose(short.z).converged
-    # And it goes on from there, in blocks that begin at other steps.
-    longer = sample(banana, [normal(2)], draws=draws_of(40, 2), seed=99, chain=short)
+    longer = drawn(40, chain=short)
     assert np.array_equal(longer.z, long.z) and np.array_equal(longer.log_posterior, long.log_posterior)
     assert np.array_equal(longer.accepted, long.accepted)
 

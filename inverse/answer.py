@@ -17,12 +17,13 @@ from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
 from inverse.mixture import fitted
 from inverse.posterior import LimbPosterior
+from inverse.ridge import BESIDE
 from inverse.surrogate import interpolated
 
 FITTED = ("independent", "smooth", "chromatic", "uneven", "outlying")  # of the `Errors`
+OTHERS, END = ("rivals", "ridge"), ("z", "cost", "information")  # of an `Optimum`, and what is asked for of them
 MOST_DRAWS = 256_000
 LAPLACE_DRAWS = 400
-BESIDE = 12.0  # above the optimum's cost, at most: points of the ridge whose surroundings are drawn from
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,7 @@ def _drawn(
 ) -> Answer:  # fmt: skip
     """The `answer` where Laplace's Gaussian alone is not enough."""
     peaks = [end.limb for end in (optimum, *optimum.rivals)]
-    along = [end for end in density.ends[len(peaks) :] if end.optimum.cost < optimum.cost + BESIDE]
-    bells = [*peaks, *(end.limb for end in along)]
+    bells = [*peaks, *(end.limb for end in optimum.ridge if end.cost < optimum.cost + BESIDE)]
     weighed = importance(
         density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
     )  # fmt: skip
@@ -188,11 +188,11 @@ def beginning(optimum: Optimum, likelihood: Likelihood, draws: int | None) -> di
     }
     assert likelihood.carried_at is not None
     ends = {
-        "rivals.z": np.array([end.z for end in optimum.rivals]),
-        "rivals.cost": np.array([end.cost for end in optimum.rivals]),
-        "rivals.information": np.array([end.information for end in optimum.rivals]),
+        f"{kind}.{what}": np.array([getattr(end, what) for end in getattr(optimum, kind)])
+        for kind in OTHERS
+        for what in END
     }
-    own = {name: value for name, value in vars(optimum).items() if name != "rivals"}
+    own = {name: value for name, value in vars(optimum).items() if name not in OTHERS}
     return {
         **own, **ends, **found, "carried_at": likelihood.carried_at, "carried_with": likelihood.carried_with,
         "draws": -1 if draws is None else draws,
@@ -209,12 +209,13 @@ def begun(numbers: Mapping[str, Any], likelihood: Likelihood) -> tuple[Optimum, 
         np.asarray(numbers["information"]), tuple(float(cost) for cost in numbers["costs"]),
         int(numbers["not_finite"]),
     )  # fmt: skip
-    # Of these only where they are, how likely and how wide, is asked for again.
-    ends = zip(*(numbers[f"rivals.{what}"] for what in ("z", "cost", "information")), strict=True)
-    rivals = tuple(
-        replace(optimum, z=np.asarray(z), cost=float(cost), information=np.asarray(wide)) for z, cost, wide in ends
-    )
-    optimum = replace(optimum, rivals=rivals)
+    others = {}
+    for kind in OTHERS:
+        ends = zip(*(numbers[f"{kind}.{what}"] for what in END), strict=True)
+        others[kind] = tuple(
+            replace(optimum, z=np.asarray(z), cost=float(cost), information=np.asarray(wide)) for z, cost, wide in ends
+        )
+    optimum = replace(optimum, **others)
     likelihood = likelihood.carried(np.asarray(numbers["carried_at"]), np.asarray(numbers["carried_with"]))
     fitted = tuple(
         replace(one, **{name: numbers[f"error.{number}.{name}"] for name in FITTED})

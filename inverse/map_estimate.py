@@ -14,8 +14,10 @@ from scipy.optimize import least_squares
 from inverse.gaussian import Gaussian
 from inverse.likelihood import LIMB, Likelihood
 
-MOST_STEPS = 150
+MOST_STEPS = 160
+ANEW = 40  # steps after which the region of trust begins anew: along a bent valley it shrinks, and never grows again
 COST_CHANGE = 5e-6  # relative change of the cost at which a descent ends
+CLOSE = 1e-4  # the same, where ends are compared
 STEP = 1e-4  # smallest change of z, relative to its length
 
 
@@ -31,6 +33,7 @@ class Optimum:
     - `costs`: minus twice the log posterior at the ends of all starts, each end once, with the same errors.
     - `not_finite`: points tried, on all descents, at which the cost was no finite number: no descent goes there.
     - `rivals`: other ends, far from this one, which may hold a share of the posterior (`inverse.optimum`).
+    - `ridge`: the best points with other clouds and dust (`inverse.ridge`).
     """
 
     z: np.ndarray
@@ -41,6 +44,7 @@ class Optimum:
     costs: tuple[float, ...]
     not_finite: int = 0
     rivals: tuple["Optimum", ...] = ()
+    ridge: tuple["Optimum", ...] = ()
 
     @property
     def log_mass(self) -> float:
@@ -115,12 +119,14 @@ def descend(
         row = np.linalg.solve(jacobian(x).T, here.gradient[free])
         return np.append(row, np.sqrt(max(here.cost - row @ row, 0.0)))
 
-    first = start[free].astype(float)
-    if not np.isfinite(residual(first)).all():
+    x, steps, converged = start[free].astype(float), 0, False
+    if not np.isfinite(residual(x)).all():
         return Optimum(start, np.inf, False, 0, np.eye(start.size), (), lost)
-    found = least_squares(
-        residual, first, lambda x: np.vstack([jacobian(x), np.zeros(x.size)]),  # pyright: ignore[reportArgumentType]
-        ftol=change, xtol=STEP, gtol=1e-12, max_nfev=MOST_STEPS,
-    )  # fmt: skip
-    here = at(found.x.tobytes())
-    return Optimum(whole(found.x), here.cost, found.status > 0, int(found.nfev), here.information, (), lost)
+    while steps < MOST_STEPS and not converged:
+        found = least_squares(
+            residual, x, lambda x: np.vstack([jacobian(x), np.zeros(x.size)]),  # pyright: ignore[reportArgumentType]
+            ftol=change, xtol=STEP, gtol=1e-12, max_nfev=ANEW,
+        )  # fmt: skip
+        x, steps, converged = found.x, steps + int(found.nfev), found.status > 0
+    here = at(x.tobytes())
+    return Optimum(whole(x), here.cost, converged, steps, here.information, (), lost)

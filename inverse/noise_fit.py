@@ -49,8 +49,7 @@ def _amplitudes(errors: Errors, misfit, slopes, used) -> Errors:
     columns = np.concatenate([errors.modes, slopes, misfit[:, None]], axis=1) * used[:, None]
     columns = replace(errors, independent=1.0).alone(columns)
     gram = columns.T @ columns
-    now = [errors.independent, errors.smooth, errors.chromatic, errors.uneven]
-    start = np.clip(np.log(now), LEAST + 0.05, MOST)
+    start = np.clip(np.log(errors.sizes), LEAST + 0.05, MOST)
     found = minimize(
         improbability, start, (gram, errors.kinds, int(used.sum())), jac=True, method="L-BFGS-B",
         bounds=list(zip(LEAST, MOST, strict=True)), options={"ftol": 1e-6},

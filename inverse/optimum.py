@@ -15,16 +15,18 @@ import numpy as np
 from eclipsejax.errors import InputError
 from inverse import prior
 from inverse.likelihood import LIMB, Likelihood
-from inverse.map_estimate import Optimum, descend
+from inverse.map_estimate import CLOSE, Optimum, descend
 from inverse.noise_fit import fitted_errors
+from inverse.ridge import BESIDE, ridge
 from inverse.threads import side_by_side
 
 # z of some quantities: high clouds in cold air and low ones in warm look alike.
 STARTED = ("clouds.top", "dust.extinction", "air.surface_temperature")
 STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2))
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
-ROUGH = 1e-3  # relative change of the cost at which descents end that are only compared
-STAGES = 3 * len(STARTS) + 1
+ROUGH = 1e-3  # relative change of the cost at which descents end that begin anew, with other errors
+STAGES = 3 * len(STARTS) + 2
+FURTHER, LOWER = 3, 0.3  # times that an optimum gives way to another on its ridge, at most, and cost that it takes
 APART = 2.0  # standard deviations between ends that are two
 SHARE = 1e-3  # of the posterior at the best end: where there is less, another end is forgotten
 
@@ -51,15 +53,26 @@ def best(
     likelihood = _with_errors(likelihood, _lowest(ends), neighbours)
     last = told(_anew(likelihood, distinct(ends)), 2 * len(STARTS))
     optimum = descend(likelihood, _lowest(last).z)
+    report(3 * len(STARTS) + 1)
+    for _ in range(FURTHER):
+        along = ridge(likelihood, optimum)
+        beside = list(_anew(likelihood, [point for point in along if point.cost < optimum.cost + BESIDE]))
+        last += beside
+        if min((end.cost for end in beside), default=np.inf) > optimum.cost - LOWER:
+            break
+        optimum = descend(likelihood, _lowest(beside).z)
+    else:
+        along = ridge(likelihood, optimum)
     report(STAGES)
     lost = sum(end.not_finite for end in (*first, *ends, *last, optimum))
-    costs = tuple(end.cost for end in last)
-    return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last)), likelihood
+    costs = tuple(end.cost for end in distinct(last))
+    found = replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last), ridge=tuple(along))
+    return found, likelihood
 
 
 def _anew(likelihood: Likelihood, ends: Sequence[Optimum]) -> Iterator[Optimum]:
     """Descents from ends that had other errors."""
-    return side_by_side(lambda end: descend(likelihood, end.z, ROUGH), ends)
+    return side_by_side(lambda end: descend(likelihood, end.z, CLOSE), ends)
 
 
 def distinct(ends: Sequence[Optimum], count: int | None = None) -> list[Optimum]:

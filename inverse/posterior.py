@@ -24,7 +24,6 @@ from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
 from inverse.observed import Observed
 from inverse.photo_model import of_the_view, seen_and_slopes
-from inverse.ridge import ridge
 from inverse.room import Room, log_volume
 from inverse.secants import Secants
 from inverse.threads import side_by_side
@@ -51,7 +50,7 @@ class LimbPosterior:
 
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.sizes, self.room = likelihood, ErrorSize(optimum), Room.everywhere_alike()
-        self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *ridge(likelihood, optimum))]
+        self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *optimum.ridge)]
         self.evaluated = self.not_finite = 0
         self.counting = Lock()
 

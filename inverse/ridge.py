@@ -11,14 +11,15 @@ seeds, clouds below 3.5 km had chances of 0.012 to 0.034 without and of 0.039 to
 import numpy as np
 
 from inverse.likelihood import Likelihood
-from inverse.map_estimate import Optimum, descend
-from inverse.optimum import ROUGH
+from inverse.map_estimate import CLOSE, Optimum, descend
 from inverse.threads import side_by_side
 
 ALONG = ("clouds.top", "dust.extinction", "clouds.cover")
 PLACES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # z of these
 APART = 0.4  # between two points, at least
 LIKELY = 30.0  # above the optimum's cost, at most
+BESIDE = 12.0  # the same, of points whose surroundings are looked at
+STEEP = 10.0  # rise from one point to the next above which another descent is tried, with all else left where it was
 
 
 def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
@@ -30,15 +31,22 @@ def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
 
     def along(way):
         number, places = way
-        free = np.delete(np.arange(optimum.z.size), number)
+        free, only = np.delete(np.arange(optimum.z.size), number), np.eye(optimum.z.size)[number]
         found, last = [], optimum
-        for place in places:
-            start = last.z.copy()
+
+        def there(place, direction):
+            start = last.z + (place - last.z[number]) * direction
             start[number] = place
-            last = descend(likelihood, start, ROUGH, free)
-            if last.cost > optimum.cost + LIKELY:
+            return descend(likelihood, start, CLOSE, free)
+
+        for place in places:
+            end = there(place, last.covariance[:, number] / last.covariance[number, number])
+            if end.cost > last.cost + STEEP:
+                end = min(end, there(place, only), key=lambda end: end.cost)
+            if end.cost > optimum.cost + LIKELY:
                 break
-            found.append(last)
+            found.append(end)
+            last = end
         return found
 
     return [point for points in side_by_side(along, higher + lower) for point in points]

@@ -52,8 +52,8 @@ def asked(monkeypatch):
         monkeypatch.setattr(module, "interpolated", lambda *_, **__: SimpleNamespace(trusted=False))
         information = np.linalg.inv(covariance)
         optimum = Optimum(np.asarray(z), 1.0, True, 3, information, (1.0, 2.0))
-        ends = [optimum, *(replace(optimum, z=point, cost=optimum.cost + above) for point, above in ridge)]
-        density.ends = [SimpleNamespace(optimum=end, limb=end.limb) for end in ends]
+        along = tuple(replace(optimum, z=point, cost=optimum.cost + above) for point, above in ridge)
+        optimum = replace(optimum, ridge=along)
         nothing: Any = None
         found = answer(nothing, optimum, draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None)
         assert json.dumps(found.report, allow_nan=False)
@@ -179,7 +179,8 @@ class Erring:
 
 def test_a_beginning_comes_back_from_numbers():
     rivals = tuple(Optimum(np.full(3, x), 2.5, True, 5, (x + 2.0) * np.eye(3), ()) for x in (-1.0, 1.0))
-    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2, rivals)
+    ridge = (Optimum(np.full(3, 2.0), 3.5, True, 4, 5.0 * np.eye(3), ()),)
+    optimum = Optimum(np.arange(3.0), 1.5, True, 7, np.eye(3), (1.5, 2.5), 2, rivals, ridge)
     before = Errors(np.ones((4, 1, 1)), np.ones((4, 2)), 1)
     fitted = replace(before, independent=0.7, smooth=0.2, chromatic=0.05, outlying=np.array([1.0, 2.0, 1.0, 1.0]))
     prepared, found = Erring((before,)), Erring((fitted,), np.array([0.5, -1.0, 2.0]), np.array([[0.1, 0.04, 0.3]]))
@@ -190,8 +191,9 @@ def test_a_beginning_comes_back_from_numbers():
         assert np.array_equal(same.z, optimum.z) and np.array_equal(same.information, optimum.information)
         assert (same.cost, same.converged, same.steps, same.costs) == (1.5, True, 7, (1.5, 2.5))
         assert same.not_finite == 2
-        for one, other in zip(same.rivals, rivals, strict=True):
+        for one, other in zip([*same.rivals, *same.ridge], [*rivals, *ridge], strict=True):
             assert np.array_equal(one.z, other.z) and np.array_equal(one.information, other.information)
+            assert one.cost == other.cost
         assert np.array_equal(likelihood.carried_at, found.carried_at)
         assert np.array_equal(likelihood.carried_with, found.carried_with)
         assert np.array_equal(likelihood.errors[0].scale, fitted.scale)

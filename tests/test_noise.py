@@ -224,3 +224,19 @@ def test_an_uneven_limb_makes_broad_errors_of_the_light_alike_in_all_channels():
     variance = noise.UNEVEN**2 * np.sum(broad**2, axis=1)
     np.testing.assert_allclose(np.sum(whole[:, 0] * whole[:, 2], axis=1), variance, atol=1e-15)
     np.testing.assert_allclose(np.sum(whole[:, 1] ** 2, axis=1), (1.0 + noise.COLOURED**2) * variance, atol=1e-15)
+
+
+def test_an_excess_is_known_to_no_better_than_itself_and_alike_all_over_a_channel():
+    position, offset = disc()
+    cells, (modes, _) = len(position), error_modes.smooth_modes(position, offset)
+    excess = np.random.default_rng(3).uniform(0.0, 0.5, (cells, 3))
+    none, response = np.zeros((cells, 3)), np.broadcast_to(np.eye(3), (cells, 3, 3))
+    made = [
+        sources(0.02, modes).errors(bright(modes), response, noise.Bending(np.ones((cells, 3)), none, none, lifted))
+        for lifted in (excess, none)
+    ]
+    with_it, without = ((one.modes * one.amplitudes) @ (one.modes * one.amplitudes).T for one in made)
+    added = (with_it - without).reshape(cells, 3, cells, 3)
+    wanted = np.einsum("ic,jd,cd->icjd", excess, excess, np.eye(3))
+    np.testing.assert_allclose(added, wanted, atol=1e-12)
+    np.testing.assert_allclose(made[0].excess, excess.ravel())

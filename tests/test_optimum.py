@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from eclipsejax.errors import InputError
+from inverse import optimum as module
 from inverse import prior
 from inverse.noise import Errors
 from inverse.optimum import STARTS, best, roughly, starts
 from inverse.shared_errors import joint_whitener
 
-TOP = [parameter.name for parameter in prior.ATMOSPHERE].index("clouds.top")
-LOW, HIGH = -0.7, 1.4  # z of the clouds' top at either end
+TOP, COVER = ([parameter.name for parameter in prior.ATMOSPHERE].index(f"clouds.{name}") for name in ("top", "cover"))
+LOW, HIGH = -0.7, 1.4  # z of the clouds' top, or cover, at either end
 DATA = 40
 SCATTER = 2.0  # times the errors
 
@@ -27,10 +28,13 @@ class TwoEnds:
     """As a `Likelihood` whose misfits vanish at two heights of the clouds, at one of them less well.
 
     - `worse`: end, and what it misses by.
+    - `along`: number of the quantity that has two ends; `height`: of what lies between them.
     """
 
     worse: tuple[float, float]
     lost: bool = False
+    along: int = TOP
+    height: float = 1.0
     errors: tuple = (Errors(np.full((DATA, 1, 1), 0.05**2), np.full((DATA, 1), 1e-6), 1),)
     parameters: tuple = (*prior.ATMOSPHERE, *prior.PHOTOGRAPH)
     observed: tuple = (Observed(np.ones(DATA)),)
@@ -50,15 +54,15 @@ class TwoEnds:
         return np.arange(len(self.parameters))
 
     def misfits_and_slopes(self, z):
-        top = z[TOP]
-        weight = np.linspace(0.5, 1.5, DATA)
+        top = z[self.along]
+        weight = self.height * np.linspace(0.5, 1.5, DATA)
         end, miss = self.worse
         other = LOW + HIGH - end
         slopes = np.zeros((DATA, z.size))
         misfit = (top - LOW) * (top - HIGH) * weight
-        slopes[:, TOP] = (2 * top - LOW - HIGH) * weight
+        slopes[:, self.along] = (2 * top - LOW - HIGH) * weight
         misfit[::2] += miss * (top - other) / (end - other)
-        slopes[::2, TOP] += miss / (end - other)
+        slopes[::2, self.along] += miss / (end - other)
         scatter = SCATTER * 0.05 * np.random.default_rng(1).standard_normal(DATA)
         return [(np.full(DATA, np.nan) if self.lost else misfit + scatter, slopes)]
 
@@ -88,6 +92,16 @@ def test_an_end_is_kept_where_it_may_hold_a_share(worse, count):
     optimum, _ = best(TwoEnds((HIGH, worse)), NEIGHBOURS)
     assert len(optimum.rivals) == count
     assert all(abs(end.z[TOP] - optimum.z[TOP]) == pytest.approx(HIGH - LOW, abs=0.2) for end in optimum.rivals)
+
+
+def test_a_better_end_that_no_start_leads_to_is_found_along_the_ridge(monkeypatch):
+    """All start at clouds' middle cover; between the ends lies what no descent climbs."""
+    likelihood = TwoEnds((LOW, 0.1), along=COVER, height=0.1)
+    assert all(roughly(likelihood, start).z[COVER] < -0.3 for start in starts(likelihood))
+    optimum, _ = best(likelihood, NEIGHBOURS)
+    assert optimum.z[COVER] == pytest.approx(HIGH, abs=0.2)
+    monkeypatch.setattr(module, "BESIDE", -np.inf)
+    assert best(likelihood, NEIGHBOURS)[0].z[COVER] < -0.3
 
 
 def test_photographs_that_are_nowhere_probable_are_refused():

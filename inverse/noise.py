@@ -7,12 +7,12 @@ the log residuals is
     s^2 D (noise and errors of each cell by itself) + a^2 A A' (smooth errors common to the channels) + c^2 C C' (of
     each channel) + u^2 U U' (of a limb that is uneven, broad) + B B' (of values near black, and what bends there)
 
-The last of these are the channels' excesses: as the camera's matrix and black have it, errors lift near-black values by
-up to four of their own errors. With one value of that taken for granted, fits of two in 60 drawn photographs ruled out
-the true limb (log posteriors 54 and 140 below the best; 11 and 10 now).
-
 with D of a block for the three values of each cell, the others of low rank: a multiplication by its inverse root costs
 two thin matrix products. How large s, a, c and u are, the photograph says itself (`inverse.noise_fit`).
+
+What bends has a mean, too, its excess: errors lift values near black by up to four of their own errors, if the camera's
+matrix and black are what they are thought to be. Taken for granted, that ruled out the true limbs of two in 60 drawn
+photographs (log posteriors 16 and 146 below the best; 11 and 10 now), and so it is in B for each channel as well.
 """
 
 from collections.abc import Sequence

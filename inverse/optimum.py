@@ -3,7 +3,8 @@
 Ends are compared by their cost, and so all have to have the same errors: at first those of the camera assumed
 beforehand (`inverse.assumed_camera`), then those that the best end carries, with which all are sought anew. Where
 another end is far from the best, and wide, the posterior may be there too, as of one in 24 drawn photographs: it is
-kept.
+kept. Twice are errors and ends worked out by turns: to go on until neither changes was tried, and in five of 60 drawn
+photographs both ran away, to log posteriors of the truth 12 to 110 below the best.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +27,7 @@ STARTS = ((0.0, 0.0, 0.0), (-0.8, -1.0, 1.2), (-0.5, 1.0, 1.0), (1.5, 1.0, -1.2)
 BRIGHTNESS = frozenset(["gain", "white_balance.red", "white_balance.blue", "camera.glare", "camera.veil"])
 ROUGH = 1e-3  # relative change of the cost at which descents end that begin anew, with other errors
 STAGES = 3 * len(STARTS) + 2
-FURTHER, LOWER = 3, 0.3  # times that an optimum gives way to another on its ridge, at most, and cost that it takes
+FURTHER, LOWER = 3, 0.3  # times that an optimum gives way to a better one, at most, and by how much cost that is better
 APART = 2.0  # standard deviations between ends that are two
 SHARE = 1e-3  # of the posterior at the best end: where there is less, another end is forgotten
 
@@ -54,24 +55,32 @@ def best(
     last = told(_anew(likelihood, distinct(ends)), 2 * len(STARTS))
     optimum = descend(likelihood, _lowest(last).z)
     report(3 * len(STARTS) + 1)
-    for _ in range(FURTHER):
-        along = ridge(likelihood, optimum)
-        beside = list(_anew(likelihood, [point for point in along if point.cost < optimum.cost + BESIDE]))
-        last += beside
-        if min((end.cost for end in beside), default=np.inf) > optimum.cost - LOWER:
-            break
-        optimum = descend(likelihood, _lowest(beside).z)
-    else:
-        along = ridge(likelihood, optimum)
+    optimum, beside = _lower(likelihood, optimum)
     report(STAGES)
-    lost = sum(end.not_finite for end in (*first, *ends, *last, optimum))
-    costs = tuple(end.cost for end in distinct(last))
-    found = replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last), ridge=tuple(along))
-    return found, likelihood
+    ends = [*last, *beside]
+    lost = sum(end.not_finite for end in (*first, *ends, optimum))
+    costs = tuple(end.cost for end in distinct(ends))
+    return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, ends)), likelihood
+
+
+def _lower(likelihood: Likelihood, optimum: Optimum) -> tuple[Optimum, list[Optimum]]:
+    """The optimum, or a better one that its ridge leads to, with its `ridge`; and all ends found from there.
+
+    Of 60 drawn photographs two have a better one (by 8 and 1 in cost), and 32 have rivals instead of 21.
+    """
+    ends = []
+    for _ in range(FURTHER):
+        optimum = replace(optimum, ridge=tuple(ridge(likelihood, optimum)))
+        beside = list(_anew(likelihood, [point for point in optimum.ridge if point.cost < optimum.cost + BESIDE]))
+        ends += beside
+        if min((end.cost for end in beside), default=np.inf) > optimum.cost - LOWER:
+            return optimum, ends
+        optimum = descend(likelihood, _lowest(beside).z)
+    return replace(optimum, ridge=tuple(ridge(likelihood, optimum))), ends
 
 
 def _anew(likelihood: Likelihood, ends: Sequence[Optimum]) -> Iterator[Optimum]:
-    """Descents from ends that had other errors."""
+    """Descents from ends that had other errors, or less that was free."""
     return side_by_side(lambda end: descend(likelihood, end.z, CLOSE), ends)
 
 

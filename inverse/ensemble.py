@@ -18,7 +18,7 @@ MOVES = ((emcee.moves.DEMove, {}, 0.9), (emcee.moves.DEMove, {"gamma0": 1.0}, 0.
 ENSEMBLES = 2
 FEWEST = 20  # walkers of each: 32 have the same autocorrelation time, and cost 60 % more for more samples than needed
 BLOCK = 10  # steps; a chain has whole blocks. A kill costs one, or a fiftieth of the chain where that is more
-LEAPS = 8  # steps of each block in which walkers leap to draws of a proposal instead, where there is one
+LEAPS = 9  # steps of each block in which walkers leap to draws of a proposal instead, where there is one
 FIRST_CHECK, CHECK_GROWTH = 200, 1.1  # steps; each check at so many times those of the last, to `BLOCK`
 
 START_LEVEL = 0.999  # share of a Gaussian posterior that walkers start within
@@ -140,7 +140,7 @@ def _moves(proposal: Mixture | None) -> list[tuple]:
 class _Leaping(emcee.moves.Move):
     """Of each block of steps first the leaps, wherever walkers stand, then other moves.
 
-    All leaps of a block are drawn and looked at together: of 160 points each costs less than half of what it costs of
+    All leaps of a block are drawn and looked at together: of 180 points each costs less than half of what it costs of
     20 (a photograph's posterior on two cores).
     """
 

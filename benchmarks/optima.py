@@ -1,6 +1,6 @@
 """Whether descents find the best optimum, and whether the posterior knows the truth for possible.
 
-    python -m benchmarks.optima --count 60      # ten minutes on two cores
+    python -m benchmarks.optima --count 60      # eleven minutes on two cores
 
 Photographs are drawn from the prior; with the errors that the fit of one has found, a descent from the true limb and
 camera may find a better end than the fit's several starts did. And the posterior of the true limb, by the nuisances

@@ -57,10 +57,10 @@ def best(
     report(3 * len(STARTS) + 1)
     optimum, beside = _lower(likelihood, optimum)
     report(STAGES)
-    ends = [*last, *beside]
-    lost = sum(end.not_finite for end in (*first, *ends, optimum))
-    costs = tuple(end.cost for end in distinct(ends))
-    return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, ends)), likelihood
+    lost = sum(end.not_finite for end in (*first, *ends, *last, *beside, optimum))
+    last += beside
+    costs = tuple(end.cost for end in distinct(last))
+    return replace(optimum, costs=costs, not_finite=lost, rivals=rivals(optimum, last)), likelihood
 
 
 def _lower(likelihood: Likelihood, optimum: Optimum) -> tuple[Optimum, list[Optimum]]:

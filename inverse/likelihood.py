@@ -106,7 +106,7 @@ class Likelihood:
         - `amplitudes`: smooth, chromatic and uneven ones of these errors (photograph, 3); by default those there are.
         """
         if amplitudes is None:
-            amplitudes = np.array([[one.smooth, one.chromatic, one.uneven] for one in self.errors])
+            amplitudes = np.array([one.sizes[1:] for one in self.errors])
         table = shadow_light(self.shadow, jnp.asarray(z[:LIMB]))
         errors = []
         for sources, size, model, place in zip(self.sources, amplitudes, self.models, self.places, strict=True):

@@ -93,8 +93,7 @@ class Errors:
     @property
     def amplitudes(self) -> np.ndarray:
         """Of each mode (mode,)."""
-        size = np.array([1.0, self.smooth, self.chromatic, self.uneven])
-        return size[self.kinds]
+        return np.append(1.0, self.sizes[1:])[self.kinds]
 
     @property
     def kinds(self) -> np.ndarray:

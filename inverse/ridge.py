@@ -31,7 +31,7 @@ def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
 
     def along(way):
         number, places = way
-        free, only = np.delete(np.arange(optimum.z.size), number), np.eye(optimum.z.size)[number]
+        free = np.delete(np.arange(optimum.z.size), number)
         found, last = [], optimum
 
         def there(place, direction):
@@ -42,7 +42,7 @@ def ridge(likelihood: Likelihood, optimum: Optimum) -> list[Optimum]:
         for place in places:
             end = there(place, last.covariance[:, number] / last.covariance[number, number])
             if end.cost > last.cost + STEEP:
-                end = min(end, there(place, only), key=lambda end: end.cost)
+                end = min(end, there(place, 0.0), key=lambda end: end.cost)
             if end.cost > optimum.cost + LIKELY:
                 break
             found.append(end)

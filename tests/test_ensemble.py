@@ -128,7 +128,7 @@ def test_ensembles_share_no_move(monkeypatch, proposal):
 
     class Recording(emcee.EnsembleSampler):
         def __init__(self, *given, moves: list, **more):
-            found.append([move for move, _ in moves])
+            found.append([part for move, _ in moves for part in (move, *getattr(move, "others", ()))])
             super().__init__(*given, moves=moves, **more)
 
     monkeypatch.setattr(emcee, "EnsembleSampler", Recording)

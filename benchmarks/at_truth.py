@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.calibration import SEED
-from benchmarks.error_sizes import of_each, true_errors, truth
+from benchmarks.drawn_evidence import evidence_of, of_each, true_errors, truth
 from benchmarks.measure import RESULTS
 from eclipsejax import session
 
@@ -36,19 +36,15 @@ def steps(misfit: np.ndarray, slopes: np.ndarray, z: np.ndarray | float) -> np.n
 def moved(number: int, folder: Path) -> dict[str, list[float]] | None:
     """Steps of one photograph by parameter, with its errors and without; None if it cannot be fitted."""
     session.start()
-    from benchmarks.drawn_photograph import draw
     from eclipsejax.errors import InputError
-    from inverse.evidence import gather, prepare
 
     found: dict[str, list[float]] = {}
     for share in (1.0, 0.0):
-        drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number, share=share)
         try:
-            evidence = gather([drawn.path], time=drawn.utc, site=drawn.site, disc=None, progress=lambda *_: None)
+            drawn, photo, before = evidence_of(number, folder, share)
         except InputError:
             return None
-        before = prepare(evidence)
-        z = truth(before, drawn, evidence[0].registration)
+        z = truth(before, drawn, photo.registration)
         errors = true_errors(before, drawn, z)
         # The mean of what bends with errors is not there without them.
         likelihood = before.with_errors([errors if share else replace(errors, excess=0.0)])

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.calibration import SEED
-from benchmarks.error_sizes import of_each, truth
+from benchmarks.drawn_evidence import evidence_of, of_each, truth
 from benchmarks.measure import RESULTS
 from eclipsejax import session
 
@@ -30,22 +30,18 @@ def descended(number: int, folder: Path) -> dict[str, float] | None:
     None for a photograph that cannot be fitted.
     """
     session.start()
-    from benchmarks.drawn_photograph import draw
     from eclipsejax.errors import InputError
-    from inverse.evidence import gather, prepare
     from inverse.likelihood import LIMB
     from inverse.map_estimate import descend
     from inverse.optimum import best
     from inverse.posterior import LimbPosterior
 
-    drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number)
     try:
-        evidence = gather([drawn.path], time=drawn.utc, site=drawn.site, disc=None, progress=lambda *_: None)
+        drawn, photo, before = evidence_of(number, folder)
     except InputError:
         return None
-    before = prepare(evidence)
-    optimum, likelihood = best(before, [evidence[0].neighbours()])
-    true = truth(before, drawn, evidence[0].registration)
+    optimum, likelihood = best(before, [photo.neighbours()])
+    true = truth(before, drawn, photo.registration)
     here, there = LimbPosterior(likelihood, optimum)(np.array([optimum.z[:LIMB], true[:LIMB]]))
     return {
         "cost": optimum.cost,

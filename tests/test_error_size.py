@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from benchmarks import error_sizes
+from benchmarks import drawn_evidence, error_sizes
 from inverse import error_size as module
 from inverse import prior
 from inverse.error_size import MEAN, SHARE, SIZE, SPREAD, ErrorSize
@@ -96,7 +96,7 @@ def test_a_point_without_finite_squares_is_ruled_out():
 def test_the_benchmark_finds_the_truth_again_and_draws_errors_as_large_as_they_are():
     for parameter in (*prior.ATMOSPHERE, *prior.PHOTOGRAPH, *prior.TONE):
         for z in (-2.5, 0.0, 1.7):
-            assert error_sizes.z_of(parameter, float(parameter.value(z))) == pytest.approx(z, abs=1e-9)
+            assert drawn_evidence.z_of(parameter, float(parameter.value(z))) == pytest.approx(z, abs=1e-9)
     random = np.random.default_rng(8)
     roots = random.standard_normal((20, 3, 3))
     modes = random.standard_normal((60, 4))

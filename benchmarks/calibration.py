@@ -3,6 +3,7 @@
     python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
     python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
+    python -m benchmarks.calibration --count 60 --minutes 30 --result out/some.json    # as many as there is time for
 
 The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
 it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
@@ -11,8 +12,10 @@ ranks, and fails (status 1) where they leave the bands of a right posterior.
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
+import time
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import compress
@@ -80,13 +83,20 @@ def row_of(number: int, fit, truth: Mapping[str, float]) -> dict:
 
 
 def run(
-    count: int, draws: int | None, workers: int, folder: Path, how: Mapping[str, Any] = NOTHING, fitted=fitted
+    count: int,
+    draws: int | None,
+    workers: int,
+    folder: Path,
+    how: Mapping[str, Any] = NOTHING,
+    fitted=fitted,
+    minutes: float = math.inf,
 ) -> list[dict]:
     """Rows of the first `count` photographs, kept ones and new.
 
     - `how`: they are drawn; of `fitted`, what is wrong with them, as `drawn_photograph.Wrong` takes it.
     - `fitted`: makes a row of (number, `draws`, `folder`, `how`) in a process of its own.
-    """
+    - `minutes`: after which no photograph is begun any more; there are fewer rows then.
+    """  # fmt: skip
     session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
     from inverse.archive.rows import program, read_row, write_row
     from inverse.chain import digest
@@ -95,18 +105,26 @@ def run(
     keys = [digest([program(), SEED, draws, number, *how.items()]) for number in range(count)]
     rows = {number: row for number, key in enumerate(keys) if (row := read_row(folder, key)) is not None}
     left = [number for number in range(count) if number not in rows]
+    until = time.time() + 60.0 * minutes
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        tasks = {pool.submit(fitted, number, draws, folder, how): number for number in left}
+        tasks = {pool.submit(_in_time, until, fitted, number, draws, folder, how): number for number in left}
         for task in as_completed(tasks):
             number = tasks[task]
             try:
                 row = task.result()
             except Exception as error:  # a photograph that cannot be fitted is a result, too
                 row = {"number": number, "error": f"{type(error).__name__}: {error}"[:300]}
+            if row is None:
+                continue
             rows[number] = {**row, "key": keys[number]}
             write_row(folder, rows[number])
             print(f"{len(rows)} of {count}: photograph {number} {_short(row)}", flush=True)
-    return [rows[number] for number in range(count)]
+    return [rows[number] for number in sorted(rows)]
+
+
+def _in_time(until: float, fitted, *of_what) -> dict | None:
+    """The row; None where it is too late to begin."""
+    return fitted(*of_what) if time.time() < until else None
 
 
 def _short(row: dict) -> str:
@@ -167,12 +185,17 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=500, metavar="N")
     parser.add_argument("--draws", type=int, metavar="N", help="as of fit_atmosphere")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="after which none is begun")
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
+    parser.add_argument("--result", type=Path, metavar="FILE", help="what is found; default one in benchmarks/results")
     options = parser.parse_args()
-    found = summary(run(options.count, options.draws, options.workers, options.out))
-    name = f"calibration{'' if options.draws is None else f'-{options.draws}'}"
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / f"{name}.json").write_text(json.dumps(found, indent=1) + "\n")
+    rows = run(options.count, options.draws, options.workers, options.out, minutes=options.minutes)
+    found = summary(rows)
+    name = f"calibration{'' if options.draws is None else f'-{options.draws}'}.json"
+    result = options.result or RESULTS / name
+    result.parent.mkdir(parents=True, exist_ok=True)
+    result.write_text(json.dumps(found, indent=1) + "\n")
+    print(f"{found['photographs']} photographs, {found['not fitted']} of them not fitted")
     for quantity, one in found["quantities"].items():
         shares = ", ".join(
             f"{level} %: {one[level]['share']:.1%} ({one[level]['band'][0]:.1%}-{one[level]['band'][1]:.1%})"

@@ -67,7 +67,7 @@ def main() -> int:
         for depth, wanted in WANTED[way].items():
             print(f"{way}, optical depth {depth:g}:", flush=True)
             how = {"way": way, "depth": depth}
-            rows = run(options.count, options.draws, options.workers, options.out, how, fitted)
+            rows = run(range(options.count), options.draws, options.workers, options.out, how, fitted)
             found.setdefault(way, {})[f"{depth:g}"] = judged(rows, wanted)
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "accuracy.json").write_text(

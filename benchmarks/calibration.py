@@ -3,7 +3,7 @@
     python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
     python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
-    python -m benchmarks.calibration --count 60 --minutes 30 --result out/some.json    # as many as there is time for
+    python -m benchmarks.calibration --first 100 --count 60 --minutes 25    # some of them, if there is time
 
 The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
 it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
@@ -16,7 +16,7 @@ import math
 import multiprocessing
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import compress
 from pathlib import Path
@@ -83,7 +83,7 @@ def row_of(number: int, fit, truth: Mapping[str, float]) -> dict:
 
 
 def run(
-    count: int,
+    numbers: Sequence[int],
     draws: int | None,
     workers: int,
     folder: Path,
@@ -91,7 +91,7 @@ def run(
     fitted=fitted,
     minutes: float = math.inf,
 ) -> list[dict]:
-    """Rows of the first `count` photographs, kept ones and new.
+    """Rows of photographs of these numbers, kept ones and new.
 
     - `how`: they are drawn; of `fitted`, what is wrong with them, as `drawn_photograph.Wrong` takes it.
     - `fitted`: makes a row of (number, `draws`, `folder`, `how`) in a process of its own.
@@ -102,9 +102,9 @@ def run(
     from inverse.chain import digest
 
     (folder / "rows").mkdir(parents=True, exist_ok=True)
-    keys = [digest([program(), SEED, draws, number, *how.items()]) for number in range(count)]
-    rows = {number: row for number, key in enumerate(keys) if (row := read_row(folder, key)) is not None}
-    left = [number for number in range(count) if number not in rows]
+    keys = {number: digest([program(), SEED, draws, number, *how.items()]) for number in numbers}
+    rows = {number: row for number, key in keys.items() if (row := read_row(folder, key)) is not None}
+    left = [number for number in numbers if number not in rows]
     until = time.time() + 60.0 * minutes
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         tasks = {pool.submit(_in_time, until, fitted, number, draws, folder, how): number for number in left}
@@ -118,7 +118,7 @@ def run(
                 continue
             rows[number] = {**row, "key": keys[number]}
             write_row(folder, rows[number])
-            print(f"{len(rows)} of {count}: photograph {number} {_short(row)}", flush=True)
+            print(f"{len(rows)} of {len(keys)}: photograph {number} {_short(row)}", flush=True)
     return [rows[number] for number in sorted(rows)]
 
 
@@ -182,19 +182,19 @@ def passed(found: dict) -> bool:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=500, metavar="N")
+    parser.add_argument("--count", type=int, default=500, metavar="N", help="photographs; default 500")
+    parser.add_argument("--first", type=int, default=0, metavar="N", help="number of the first; default 0")
     parser.add_argument("--draws", type=int, metavar="N", help="as of fit_atmosphere")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="after which none is begun")
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
-    parser.add_argument("--result", type=Path, metavar="FILE", help="what is found; default one in benchmarks/results")
     options = parser.parse_args()
-    rows = run(options.count, options.draws, options.workers, options.out, minutes=options.minutes)
-    found = summary(rows)
-    name = f"calibration{'' if options.draws is None else f'-{options.draws}'}.json"
-    result = options.result or RESULTS / name
-    result.parent.mkdir(parents=True, exist_ok=True)
-    result.write_text(json.dumps(found, indent=1) + "\n")
+    numbers = range(options.first, options.first + options.count)
+    found = summary(run(numbers, options.draws, options.workers, options.out, minutes=options.minutes))
+    whole = not options.first and found["photographs"] == options.count  # others are no result to keep
+    draws = "" if options.draws is None else f"-{options.draws}"
+    folder = RESULTS if whole else options.out
+    (folder / f"calibration-{found['photographs']}{draws}.json").write_text(json.dumps(found, indent=1) + "\n")
     print(f"{found['photographs']} photographs, {found['not fitted']} of them not fitted")
     for quantity, one in found["quantities"].items():
         shares = ", ".join(

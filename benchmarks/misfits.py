@@ -67,11 +67,11 @@ def main() -> int:
         help=f"of the rows of calibration; default {CALIBRATION}",
     )
     options = parser.parse_args()
-    clean = run(options.count, options.draws, options.workers, options.clean)
+    clean = run(range(options.count), options.draws, options.workers, options.clean)
     found = {"nothing wrong": judged(clean, clean)}
     for way, wrong in WAYS.items():
         print(f"{way}:", flush=True)
-        found[way] = judged(run(options.count, options.draws, options.workers, options.out, wrong), clean)
+        found[way] = judged(run(range(options.count), options.draws, options.workers, options.out, wrong), clean)
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "misfits.json").write_text(
         json.dumps({"seed": SEED, "draws": options.draws, "ways": found}, indent=1) + "\n"

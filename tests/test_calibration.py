@@ -14,15 +14,15 @@ def fitted(number, draws, folder, how):
 
 
 def test_rows_are_kept_and_a_failure_is_a_row(tmp_path):
-    first = run(3, None, 2, tmp_path, fitted=fitted)
+    first = run(range(3), None, 2, tmp_path, fitted=fitted)
     assert [row["number"] for row in first] == [0, 1, 2]
     assert first[FAILS]["error"] == "ValueError: no disc" and "error" not in first[0]
-    more = run(4, None, 2, tmp_path, fitted=fitted)  # asks for none of the three again, or `touch` would fail
+    more = run(range(4), None, 2, tmp_path, fitted=fitted)  # asks for none of the three again, or `touch` would fail
     assert more[:3] == first and "error" not in more[3]
 
 
 def test_what_there_is_no_time_for_is_not_begun(tmp_path):
-    kept = run(1, None, 1, tmp_path, fitted=fitted)
-    assert run(2, None, 1, tmp_path, fitted=fitted, minutes=0.0) == kept
+    kept = run(range(1), None, 1, tmp_path, fitted=fitted)
+    assert run(range(2), None, 1, tmp_path, fitted=fitted, minutes=0.0) == kept
     assert not (tmp_path / "1.asked").exists()
-    assert len(run(2, None, 1, tmp_path, fitted=fitted, minutes=1.0)) == 2
+    assert len(run(range(2), None, 1, tmp_path, fitted=fitted, minutes=1.0)) == 2

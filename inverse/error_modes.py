@@ -1,6 +1,9 @@
 """Patterns that errors of photographs have: modes L, whose L L' is the covariance of errors of variance 1.
 
-Few of them hold nearly all the variance of an error that is smooth over the disc.
+Few of them hold nearly all the variance of an error that is smooth over the disc. But estimates lean on patterns that
+pass for small, and so on those that modes leave out: 100 smooth and 14 broad ones, without the mean over the disc,
+made standard deviations 0 to 16 % too small in ten drawn photographs, against what whole kernels make of the same
+estimates; these make them 0 to 2 % so, and 7 % where an uneven limb's errors have an amplitude of 0.55.
 """
 
 import numpy as np
@@ -9,9 +12,9 @@ from scipy.spatial.distance import cdist
 
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
 RADIAL = 1e-3  # rad: 3.4 arcmin
-MODES = 100  # common to the channels, and as many for each
+MODES = 200  # common to the channels, and as many for each
 BROAD = 0.6  # of the disc's radius, the length of an uneven limb's errors: a third of a quadrant of the limb
-BROAD_MODES = 14  # of them on one disc
+BROAD_MODES = 24  # of them on one disc
 BENT_MODES = 20  # of their squares
 BLACK_REACH, BLACK_MODES, BLACK_POINTS = 2.0, 5, 60
 
@@ -32,7 +35,6 @@ def smooth_modes(
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     farther = np.abs(offset[:, None] - offset)
     covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
-    covariance = centred(covariance)
     if shared is not None:
         covariance = covariance - shared @ shared.T
     modes = largest_modes(covariance, MODES)
@@ -40,14 +42,14 @@ def smooth_modes(
 
 
 def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
-    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
+    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode).
 
     Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
     2015, by a fifth over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
 
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """
-    return _of_disc(largest_modes(centred(_broad(position[on_disc])), BROAD_MODES), on_disc)
+    return _of_disc(largest_modes(_broad(position[on_disc]), BROAD_MODES), on_disc)
 
 
 def bent_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
@@ -68,14 +70,6 @@ def _of_disc(found: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
     modes = np.zeros((on_disc.size, found.shape[1]))
     modes[on_disc] = found
     return modes
-
-
-def centred(covariance: np.ndarray) -> np.ndarray:
-    """The same of what is left where means are taken away, of rows and of columns.
-
-    Of the mean over the disc errors say nothing: the exposure is free to meet it, and else meets it no more.
-    """
-    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
 
 
 def largest_modes(covariance: np.ndarray, most: int) -> np.ndarray:

@@ -112,7 +112,7 @@ class Likelihood:
         for sources, size, model, place in zip(self.sources, amplitudes, self.models, self.places, strict=True):
             known = (jnp.asarray(each) for each in sources.sizes(*size))
             value, by, *bending = map(np.asarray, response(model, table, jnp.asarray(z[place]), *known))
-            errors.append(sources.errors(value, by, Bending(*bending)))
+            errors.append(sources.errors(value, by, Bending(*bending), *size[:2]))
         return replace(self.with_errors(errors), carried_at=z, carried_with=amplitudes)
 
     def with_errors(self, errors: Sequence[Errors]) -> "Likelihood":

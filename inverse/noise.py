@@ -227,12 +227,25 @@ class Sources:
         return np.where(self.on_disc, TINT, SKY_TINT)
 
     def sizes(self, smooth: float, chromatic: float, uneven: float) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,)."""
-        each, broad = (np.sum(modes**2, axis=1) * self.on_disc for modes in (self.smooth, self.broad))
+        """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,).
+
+        About their mean over the disc, which the exposure has met wherever these are asked for.
+        """
+        each, broad = (
+            np.sum(np.square(modes - modes[self.on_disc].mean(axis=0)), axis=1) * self.on_disc
+            for modes in (self.smooth, self.broad)
+        )
         of_colour = (COLOURED * uneven) ** 2 * broad + chromatic**2 * each + TINT**2
         return np.sqrt(uneven**2 * broad + smooth**2 * each), np.sqrt(of_colour)
 
-    def errors(self, value: np.ndarray, response: np.ndarray, bending: Bending | None = None) -> Errors:
+    def errors(
+        self,
+        value: np.ndarray,
+        response: np.ndarray,
+        bending: Bending | None = None,
+        smooth: float = COMMON,
+        chromatic: float = CHROMATIC,
+    ) -> Errors:
         """Errors of the light, as a camera makes errors of its values of them, and those of values near black.
 
         The map and the limb err in light; a camera's matrix takes most of the red from the green and the blue of a
@@ -241,16 +254,17 @@ class Sources:
         - `value`: decoded (cell, 3) [full scale].
         - `response`: change of each log value by the log light of each channel (cell, value, light).
         - `bending`: what is no straight line in that; by default nothing.
+        - `smooth`, `chromatic`: amplitudes of what modes leave out of the smooth errors.
         """
         variances = self._variances(value, response)
         response = np.where(self.usable[..., None], response, 0.0)
         alike = response.sum(axis=2) if bending is None else bending.alike * self.usable
         by_channel = np.moveaxis(response, 2, 0)
-        smooth = _of_values([alike, *by_channel], self.smooth)
+        over_disc = _of_values([alike, *by_channel], self.smooth)
         broad = _of_values([alike, *(COLOURED * by_channel)], self.broad)
         # What the modes leave of the smooth errors' variance is as good as independent from cell to cell.
-        relief = np.sqrt(self.relief**2 + COMMON**2 * self.left)[:, None] * alike
-        tint = (self.tint**2 + CHROMATIC**2 * self.left)[:, None, None]
+        relief = np.sqrt(self.relief**2 + smooth**2 * self.left)[:, None] * alike
+        tint = (self.tint**2 + chromatic**2 * self.left)[:, None, None]
         cells = relief[:, :, None] * relief[:, None] + tint * response @ np.swapaxes(response, 1, 2)
         cells = cells + np.square(self.noise)[:, :, None] * np.eye(self.noise.shape[1])
         fixed = black_modes(value, self.floor, self.usable, self.black)
@@ -259,7 +273,7 @@ class Sources:
             # An excess is as large as the camera's matrix and black have it, and so known to no better than itself.
             unsure = (bending.excess * self.usable)[:, :, None] * np.eye(self.noise.shape[1])
             fixed = np.concatenate([fixed, unsure.reshape(len(bent), -1), bent], axis=1)
-        modes, counts = np.concatenate([smooth, broad, fixed], axis=1), (broad.shape[1], fixed.shape[1])
+        modes, counts = np.concatenate([over_disc, broad, fixed], axis=1), (broad.shape[1], fixed.shape[1])
         return Errors(
             cells, modes, self.smooth.shape[1], *counts, shared=self.shared, variances=variances,
             excess=0.0 if bending is None else bending.excess.ravel(),

@@ -71,10 +71,10 @@ def test_an_uneven_limb_is_found_and_no_other_error_takes_it_for_its_own():
 
 
 def test_what_the_model_took_away_is_not_taken_for_a_small_error(before):
-    """Forty free directions hide a part of the errors from the misfit; the evidence knows how many there were."""
+    """Eighty free directions hide a part of the errors from the misfit; the evidence knows how many there were."""
     random = np.random.default_rng(3)
     errors = replace(before[0], smooth=2 * noise.COMMON)
-    misfit, slopes = drawn(errors, random), 30.0 * errors.modes[:, :40] / errors.modes[:, :40].std(axis=0)
+    misfit, slopes = drawn(errors, random), 30.0 * errors.modes[:, :80] / errors.modes[:, :80].std(axis=0)
     white, by = errors.whitener(misfit), errors.whitener(slopes)
     best = np.linalg.lstsq(by, white, rcond=None)[0]
     left = fitted(before, misfit - slopes @ best, slopes)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import make_lsq_spline
 from scipy.spatial.distance import cdist
 
-from inverse.error_modes import LENGTH
+from inverse.error_modes import LENGTH, centred
 from inverse.shared_errors import MOON
 
 KNOTS = 8  # of the smooth function of the offset
@@ -94,11 +94,6 @@ def by_place(misfits: Sequence[Seen]) -> list[dict[str, float]]:
             numbers = {"mean": float(np.mean(value[here])), "spread": float(np.std(means, ddof=1))}
             found.append({"east": east, "north": north, **numbers, "cells": int(here.sum())})
     return found
-
-
-def centred(products: np.ndarray) -> np.ndarray:
-    """The same of what is left where means are taken away, of rows and of columns."""
-    return products - products.mean(axis=0) - products.mean(axis=1)[:, None] + products.mean()
 
 
 def variances(misfits: Sequence[Seen]) -> dict[str, dict[str, float]]:

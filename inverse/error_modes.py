@@ -1,9 +1,9 @@
 """Patterns that errors of photographs have: modes L, whose L L' is the covariance of errors of variance 1.
 
 Few of them hold nearly all the variance of an error that is smooth over the disc. But estimates lean on patterns that
-pass for small, and so on those that modes leave out: 100 smooth and 14 broad ones, without the mean over the disc,
-made standard deviations 0 to 16 % too small in ten drawn photographs, against what whole kernels make of the same
-estimates; these make them 0 to 2 % so, and 7 % where an uneven limb's errors have an amplitude of 0.55.
+pass for small, and so on those that modes leave out: 100 smooth and 14 broad ones made standard deviations up to 16 %
+too small in drawn photographs, against what whole kernels make of the same estimates; these make them up to 2 % so, and
+7 % where an uneven limb's errors have an amplitude of 0.55.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def smooth_modes(
     """
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     farther = np.abs(offset[:, None] - offset)
-    covariance = 0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL)
+    covariance = centred(0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL))
     if shared is not None:
         covariance = covariance - shared @ shared.T
     modes = largest_modes(covariance, MODES)
@@ -42,14 +42,14 @@ def smooth_modes(
 
 
 def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
-    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode).
+    """L of the covariance of errors of variance 1 from an uneven limb (cell, mode), their mean over the disc left out.
 
     Clouds differ along the limb, and the light of the shadow with them from one side to another: in photographs of
     2015, by a fifth over a few arcminutes, and smoother than `smooth_modes` have it, which take them for improbable.
 
     - `position`: (cell, 2) [radii of the disc]; `on_disc`: (cell,).
     """
-    return _of_disc(largest_modes(_broad(position[on_disc]), BROAD_MODES), on_disc)
+    return _of_disc(largest_modes(centred(_broad(position[on_disc])), BROAD_MODES), on_disc)
 
 
 def bent_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
@@ -70,6 +70,15 @@ def _of_disc(found: np.ndarray, on_disc: np.ndarray) -> np.ndarray:
     modes = np.zeros((on_disc.size, found.shape[1]))
     modes[on_disc] = found
     return modes
+
+
+def centred(covariance: np.ndarray) -> np.ndarray:
+    """The same of what is left where means are taken away, of rows and of columns.
+
+    The mean over the disc is the exposure's and the white balance's to meet, with the glare that goes with it. Errors
+    that have it do so instead, and leave a photograph 0.25 brighter than its model in the log.
+    """
+    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
 
 
 def largest_modes(covariance: np.ndarray, most: int) -> np.ndarray:

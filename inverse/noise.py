@@ -227,14 +227,8 @@ class Sources:
         return np.where(self.on_disc, TINT, SKY_TINT)
 
     def sizes(self, smooth: float, chromatic: float, uneven: float) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,).
-
-        About their mean over the disc, which the exposure has met wherever these are asked for.
-        """
-        each, broad = (
-            np.sum(np.square(modes - modes[self.on_disc].mean(axis=0)), axis=1) * self.on_disc
-            for modes in (self.smooth, self.broad)
-        )
+        """Standard deviations of errors of the light of these amplitudes, of all channels and of each (cell,)."""
+        each, broad = (np.sum(modes**2, axis=1) * self.on_disc for modes in (self.smooth, self.broad))
         of_colour = (COLOURED * uneven) ** 2 * broad + chromatic**2 * each + TINT**2
         return np.sqrt(uneven**2 * broad + smooth**2 * each), np.sqrt(of_colour)
 

@@ -94,7 +94,7 @@ def uneven_modes(photographs: Sequence[Places]) -> list[np.ndarray]:
 
 
 def _modes(photographs: Sequence[Places], kernel: Kernel, most: int) -> list[np.ndarray]:
-    """The largest modes of a covariance over all photographs (cell, mode).
+    """The largest modes of a covariance over all photographs, their mean over each disc taken away (cell, mode).
 
     Found on some of the cells and carried on to all (Nyström 1930).
     """
@@ -108,7 +108,8 @@ def _modes(photographs: Sequence[Places], kernel: Kernel, most: int) -> list[np.
     found = []
     for places, cells in zip(photographs, seen, strict=True):
         modes = np.zeros((len(places.disc), values.size))
-        modes[cells] = kernel(_part(places, cells), points) @ onto
+        here = kernel(_part(places, cells), points) @ onto
+        modes[cells] = here - here.mean(axis=0)
         found.append(modes)
     return found
 

@@ -41,13 +41,18 @@ def smooth_covariance(position, offset):
     return 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(-farther / error_modes.RADIAL)
 
 
-def test_smooth_modes_hold_most_of_the_covariance():
+def about_the_mean(covariance):
+    return covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+
+
+def test_smooth_modes_hold_most_of_the_covariance_and_nothing_of_its_mean():
     position, offset = disc(20)
     modes, rest = error_modes.smooth_modes(position, offset)
     assert modes.shape == (len(position), error_modes.MODES)
-    wanted = smooth_covariance(position, offset)
+    assert np.abs(modes.mean(axis=0)).max() < 1e-8
+    wanted = about_the_mean(smooth_covariance(position, offset))
     left = wanted - modes @ modes.T
-    assert np.trace(left) < 0.05 * np.trace(wanted)
+    assert np.trace(left) < 0.06 * np.trace(wanted)
     assert np.linalg.eigvalsh(left).min() > -1e-9
     np.testing.assert_allclose(rest, np.diag(left), atol=1e-12)
 
@@ -133,7 +138,8 @@ def test_errors_have_the_stated_size_on_the_disc_and_beside_it():
 
 
 def test_what_the_modes_leave_is_independent():
-    """Of every cell on the disc the smooth errors have their whole variance, and none of those of the sky."""
+    """Of every cell on the disc the smooth errors have their whole variance about the mean over it, as drawn ones have,
+    and none of those of the sky."""
     position, offset = disc(30)
     cells, usable = len(position), np.full((len(position), 3), True)
     on_disc = np.arange(cells) < cells - 10
@@ -146,9 +152,16 @@ def test_what_the_modes_leave_is_independent():
     both = np.diagonal(every.cells, axis1=1, axis2=2) + np.sum(
         (every.modes * every.amplitudes).reshape(cells, 3, -1) ** 2, axis=2
     )
-    wanted = noise.COMMON**2 + noise.CHROMATIC**2 + noise.TINT**2 + 0.01**2
-    np.testing.assert_allclose(both[on_disc], wanted, rtol=1e-6)
+    covariance, alone = smooth_covariance(position[on_disc], offset[on_disc]), noise.TINT**2 + 0.01**2
+    smooth = (noise.COMMON**2 + noise.CHROMATIC**2) * np.diag(about_the_mean(covariance))
+    np.testing.assert_allclose(both[on_disc], np.broadcast_to((smooth + alone)[:, None], (cells - 10, 3)), rtol=1e-6)
     np.testing.assert_allclose(both[~on_disc], noise.SKY_TINT**2 + 0.01**2, rtol=1e-6)
+    normal = np.random.default_rng(4).standard_normal((cells - 10, 4000))
+    drawn = np.linalg.cholesky(covariance + 1e-9 * np.eye(cells - 10)) @ normal
+    variance = (drawn - drawn.mean(axis=0)).var(axis=1)
+    wanted = (noise.COMMON**2 + noise.CHROMATIC**2) * variance + alone
+    np.testing.assert_allclose(both[on_disc].mean(axis=1), wanted, rtol=0.1)
+    assert np.mean(both[on_disc]) == pytest.approx(wanted.mean(), rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -179,6 +192,7 @@ def test_estimates_stray_no_farther_than_they_say(nearest, amplitudes):
     weights = (errors.whitener(np.eye(3 * cells)).T @ white @ covariance).reshape(cells, 3, -1)
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     kernels = smooth_covariance(position, offset), np.exp(-0.5 * (apart / error_modes.BROAD) ** 2)
+    kernels = [about_the_mean(kernel) for kernel in kernels]
     together, alone = (np.einsum("ik,ij,jk->k", weights.sum(axis=1), kernel, weights.sum(axis=1)) for kernel in kernels)
     each, coloured = (np.einsum("ick,ij,jck->k", weights, kernel, weights) for kernel in kernels)
     of_cells = (noise.TINT**2 + 0.01**2) * (weights**2).sum(axis=(0, 1)) + noise.RELIEF**2 * (
@@ -237,7 +251,7 @@ def test_an_uneven_limb_makes_broad_errors_of_the_light_alike_in_all_channels():
     on_disc = np.hypot(*position.T) < 0.9
     broad = error_modes.broad_modes(position, on_disc)
     apart = np.linalg.norm(position[on_disc][:, None] - position[on_disc], axis=-1)
-    wanted = np.exp(-0.5 * (apart / error_modes.BROAD) ** 2)
+    wanted = about_the_mean(np.exp(-0.5 * (apart / error_modes.BROAD) ** 2))
     assert np.abs(broad[on_disc] @ broad[on_disc].T - wanted).max() < 0.01
     assert not broad[~on_disc].any()
     cells = len(position)

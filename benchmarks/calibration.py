@@ -96,7 +96,7 @@ def run(
     - `how`: they are drawn; of `fitted`, what is wrong with them, as `drawn_photograph.Wrong` takes it.
     - `fitted`: makes a row of (number, `draws`, `folder`, `how`) in a process of its own.
     - `minutes`: after which no photograph is begun any more; there are fewer rows then.
-    """  # fmt: skip
+    """
     session.one_blas_thread()  # of the processes: they load NumPy before anything of ours
     from inverse.archive.rows import program, read_row, write_row
     from inverse.chain import digest

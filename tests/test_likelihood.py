@@ -186,6 +186,13 @@ def test_a_cell_that_an_error_made_too_dark_is_not_taken_for_sure(synthetic_like
     assert np.median(ratio) < 0.85
 
 
+def drawn_changes(model, light, nuisance, draws):
+    """How drawn errors of the log of the light (draw, cell, 1 or channel) change the log of the values, in turn."""
+    log = lambda light: log_value(model, developed(model, light, nuisance))
+    change = jax.jit(lambda draws: jax.lax.map(lambda error: log(light * jnp.exp(error)) - log(light), draws))
+    return np.asarray(change(draws))
+
+
 @pytest.mark.parametrize("uneven", [0.15, 0.5])
 def test_large_errors_of_the_light_make_those_of_the_values_that_draws_have(synthetic_likelihood, uneven):
     """Near black a value bends with the light: its errors are no line's, and do not average out."""
@@ -195,8 +202,7 @@ def test_large_errors_of_the_light_make_those_of_the_values_that_draws_have(synt
     table, nuisance = shadow_light(one.shadow, jnp.asarray(z[:LIMB])), prior.values(model.parameters, z[LIMB:])
     light = model.light(table, model.seen(jnp.asarray(z[LIMB:])), nuisance)
     draws = uneven * np.random.default_rng(5).standard_normal((3000, sources.broad.shape[1])) @ sources.broad.T
-    log = lambda light: log_value(model, developed(model, light, nuisance))
-    found = np.array([log(light * np.exp(error)[:, None]) - log(light) for error in draws]).reshape(3000, -1)
+    found = drawn_changes(model, light, nuisance, draws[..., None]).reshape(3000, -1)
     seen = np.repeat(sources.on_disc, 3) & np.asarray(one.observed[0].measured, dtype=bool)
     made = one.carried(z, np.array([[0.0, 0.0, uneven]])).errors[0]
     modes = made.modes * replace(made, smooth=0.0, chromatic=0.0, uneven=uneven).amplitudes
@@ -224,9 +230,8 @@ def test_errors_of_colour_bring_back_a_channel_that_the_camera_cut_off(synthetic
     table = shadow_light(synthetic_likelihood.shadow, jnp.zeros(LIMB))
     nuisance = prior.values(model.parameters, z)
     light = model.light(table, model.seen(z), nuisance)
-    log = lambda light: log_value(model, developed(model, light, nuisance))
     draws = spread * np.random.default_rng(6).standard_normal((400, *light.shape))
-    found = np.array([log(light * np.exp(error)) for error in draws]) - np.asarray(log(light))
+    found = drawn_changes(model, light, nuisance, draws)
     size = jnp.full(len(light), spread)
     _, slopes, _, _, apart, excess = (
         np.asarray(part) for part in response(model, table, z, jnp.zeros(len(light)), size)

@@ -8,13 +8,14 @@ import numpy as np
 
 from inverse import prior
 from inverse.evidence import Evidence
+from inverse.joint_whitener import shared_parts
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import shadow_light
 from inverse.photo import Photo
 from inverse.photo_model import Disc, PhotoModel, seen, signal, wings_at
 from inverse.profile import Profile
 from inverse.result import PhotoFit
-from inverse.shared_errors import places_of, shared_parts
+from inverse.shared_errors import places_of
 
 PICTURE = 240  # pixels along a side of the pictures in a report
 

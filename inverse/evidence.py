@@ -20,6 +20,7 @@ from inverse.assumed_camera import response
 from inverse.cells import Cells, bin_photo
 from inverse.clock_search import correction, later
 from inverse.exposures import Exposed, log_exposures
+from inverse.leaned_on import with_shared_errors
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
 from inverse.observed import observed
@@ -27,7 +28,6 @@ from inverse.photo import Photo, read_photo
 from inverse.photo_model import photo_model, profile_model, seen
 from inverse.profile import Profile, read_profile
 from inverse.registration import Registration, oriented, register
-from inverse.shared_errors import places_of, shared_modes, uneven_modes
 from inverse.times import UNKNOWN, check_error, dates_of, is_searched, of_one_clock, times_of
 
 # Where logs end, in errors of black, and in those of the pixels' noise in the least noisy cells. Were it higher, logs
@@ -209,9 +209,8 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
         sources.append(noise.Sources(pixels, relief, smooth, left, broad, bent, floor, black, usable, on_disc))
         values.append(value)
         known.append((np.log(scale), usable, limit))
-    sources = _sharing(sources, models, evidence)
-    each = zip(sources, models, values, strict=True)
-    errors = [one.errors(value, response(model, value)) for one, model, value in each]
+    responses = [response(*item) for item in zip(models, values, strict=True)]
+    errors = [one.errors(value, by) for one, value, by in zip(sources, values, responses, strict=True)]
     data = [observed(*item, error=one.whole) for item, one in zip(known, errors, strict=True)]
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
@@ -222,7 +221,8 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     groups: dict[object, list[int]] = {}
     for number, keys in enumerate(shared):
         groups.setdefault(keys.get("gain", number), []).append(number)
-    return likelihood.centred(list(groups.values()))
+    several = [number for number, item in enumerate(evidence) if item.cells is not None]  # a profile shares no errors
+    return with_shared_errors(likelihood.centred(list(groups.values())), several, values, responses)
 
 
 def _measured(item: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -233,18 +233,6 @@ def _measured(item: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
         return value, sigma, usable, np.zeros(value.shape), np.ones(len(value), dtype=bool)
     assert item.cells is not None
     return item.cells.value, item.cells.sigma, item.cells.usable, item.cells.limit, item.cells.on_disc
-
-
-def _sharing(sources: list[noise.Sources], models: Sequence, evidence: Sequence[Evidence]) -> list[noise.Sources]:
-    """Sources of errors that several photographs share; a profile shares none."""
-    several = [number for number, item in enumerate(evidence) if item.cells is not None]
-    if len(several) < 2:
-        return sources
-    found, where = list(sources), [places_of(models[number]) for number in several]
-    for number, one, shared, broad in zip(several, where, shared_modes(where), uneven_modes(where), strict=True):
-        smooth, left = noise.modes_of(one.disc, np.linalg.norm(one.shadow, axis=1), one.on_disc, shared)
-        found[number] = replace(found[number], smooth=smooth, left=left, broad=broad, shared=shared.shape[1])
-    return found
 
 
 def floor_of(sigma: np.ndarray, usable: np.ndarray, black: float) -> float:

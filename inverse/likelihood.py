@@ -17,11 +17,11 @@ from jaxtyping import Array, Float
 
 from eclipsejax.shadow_table import ShadowTable
 from inverse import prior
+from inverse.joint_whitener import JointWhitener, joint_whitener
 from inverse.limb_light import Shadow, shadow_light, shadow_slopes
 from inverse.noise import Bending, Errors, Sources
 from inverse.observed import Observed
 from inverse.photo_model import developed, log_value, of_the_view, seen_and_slopes, signal
-from inverse.shared_errors import JointWhitener, joint_whitener
 
 LIMB = len(prior.ATMOSPHERE)
 NODE, WEIGHT = np.polynomial.hermite_e.hermegauss(7)  # of errors of the light, in their standard deviations

@@ -1,4 +1,4 @@
-"""Smooth errors that the photographs of one eclipse share, and what they make of the joint likelihood.
+"""Smooth errors that the photographs of one eclipse share.
 
 The limb's errors are the same in all photographs at the same place of the shadow, the map's at the same place of the
 Moon. In the series of 2015-09-28 photographs have eight to nine tenths of their misfits' variance in common, most of
@@ -7,12 +7,12 @@ average out over a series, and make its intervals half as wide.
 
 Within a photograph the two places move together, and the errors have the covariance of `error_modes.smooth_modes`;
 between photographs `SHARED` of it is left where both places are the same. The covariance of all data is what each
-photograph has for itself, and L L' of the shared modes over all of them.
+photograph has for itself, and L L' of the shared modes over all of them: the largest, and those that hold what
+estimates lean on (`inverse.leaned_on`). What modes leave out is taken for each photograph's own, and averages out.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,14 +23,14 @@ from scipy.spatial.distance import cdist
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.scene import axis_offset, axis_position_angle, disc_points
 from inverse.error_modes import BROAD, LENGTH, RADIAL
-from inverse.noise import Errors
-from inverse.whitener import Whitener, shrinking
+from inverse.threads import side_by_side
 
 SHARED = 0.8  # of the variance of smooth errors
 OF_THE_LIMB = 0.75  # of what is shared over the disc; the rest is the map's
-MODES = 80  # common to the channels, and as many for each
+MODES = 80  # the largest, common to the channels, and as many for each
 UNEVEN_MODES = 40  # of a limb that is uneven
 POINTS = 900  # of all photographs, that the modes are found on
+DISTINCT = 1e-6  # of the most variance: patterns that have less of it are made of the others
 MOON = 4.5e-3  # rad: the Moon's radius, as it is on the Earth's shadow
 
 
@@ -114,100 +114,45 @@ def _modes(photographs: Sequence[Places], kernel: Kernel, most: int) -> list[np.
     return found
 
 
+def more_modes(
+    photographs: Sequence[Places], known: Sequence[np.ndarray], patterns: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Shared smooth errors' modes that are known, and more, with which sums of errors by patterns have their variance.
+
+    Of what is missing, R, and patterns P, R P (P'R P)^(-1/2): P are inducing variables (Quinonero-Candela & Rasmussen
+    2005, J. Mach. Learn. Res. 6:1939).
+
+    - `known`: of `shared_modes` (cell, mode) each; `patterns`: (cell, pattern) each.
+    """
+    every = _along(photographs, patterns)
+    held = sum(modes.T @ pattern for modes, pattern in zip(known, patterns, strict=True))
+    missing = [whole - modes @ held for whole, modes in zip(every, known, strict=True)]
+    variance = np.asarray(sum(pattern.T @ part for pattern, part in zip(patterns, missing, strict=True)))
+    size = 1.0 / np.sqrt(np.maximum(np.diag(variance), np.finfo(float).tiny))
+    values, vectors = eigh(size[:, None] * variance * size)
+    kept = values > DISTINCT * values.max()
+    onto = size[:, None] * vectors[:, kept] / np.sqrt(values[kept])
+    return [np.concatenate([modes, part @ onto], axis=1) for modes, part in zip(known, missing, strict=True)]
+
+
+def _along(photographs: Sequence[Places], patterns: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The covariance that shared smooth errors have times patterns, their means over each disc taken away, of each."""
+    seen = [np.flatnonzero(places.on_disc) for places in photographs]
+    discs = [_part(places, cells) for places, cells in zip(photographs, seen, strict=True)]
+    inside = [pattern[cells] - pattern[cells].mean(axis=0) for pattern, cells in zip(patterns, seen, strict=True)]
+
+    def between(pair):
+        kernel = SHARED * covariance(discs[pair[0]], discs[pair[1]])
+        return kernel @ inside[pair[1]], kernel.T @ inside[pair[0]]
+
+    pairs = [(one, other) for one in range(len(discs)) for other in range(one, len(discs))]
+    found = [np.zeros(pattern.shape) for pattern in patterns]
+    for (one, other), (here, there) in zip(pairs, side_by_side(between, pairs), strict=True):
+        found[one][seen[one]] += here - here.mean(axis=0)
+        if other > one:
+            found[other][seen[other]] += there - there.mean(axis=0)
+    return found
+
+
 def _part(places: Places, cells: np.ndarray) -> Places:
     return Places(places.disc[cells], places.shadow[cells], places.on_disc[cells])
-
-
-@dataclass(frozen=True)
-class JointWhitener:
-    """Multiplies the residuals of all photographs together by an inverse root of their covariance.
-
-    - `each`: for what is not shared; `bases`: orthonormal over all photographs, a part for each (datum, rank).
-    - `shrink`: as that of `Whitener` (rank,).
-    """
-
-    each: tuple[Whitener, ...]
-    bases: tuple[np.ndarray, ...]
-    shrink: np.ndarray
-
-    @cached_property
-    def along(self) -> tuple[np.ndarray, ...]:
-        """What takes residuals that `Whitener.alone` has had on to the amplitudes of `bases` (rank, datum)."""
-        found = []
-        for whitener, basis in zip(self.each, self.bases, strict=True):
-            own = whitener.shrink[:, None] * (whitener.basis.T @ basis)
-            found.append(np.ascontiguousarray((basis + whitener.basis @ own).T))
-        return tuple(found)
-
-    def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Of residuals of each photograph (datum, column), the columns the same for all."""
-        found = self.white(self.coordinates(parts))
-        return np.split(found, np.cumsum([len(one.basis) for one in self.each])[:-1])
-
-    @cached_property
-    def signs(self) -> np.ndarray:
-        """Of the squares of `coordinates`: 1 for each datum, -1 for what errors in common take off (coordinate,)."""
-        data = sum(len(whitener.basis) for whitener in self.each)
-        taken = sum(whitener.shrink.size for whitener in self.each) + self.shrink.size
-        return np.repeat([1.0, -1.0], [data, taken])
-
-    def coordinates(self, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """What has the squares of whitened residuals, each with its sign, for half the work (coordinate, column).
-
-        - `parts`: residuals of each photograph (datum, column), the columns the same for all.
-        """
-        scaled = [whitener.alone(part) for whitener, part in zip(self.each, parts, strict=True)]
-        pairs = zip(self.each, scaled, strict=True)
-        taken = [(taken_off(one.shrink) * (one.basis.T @ part).T).T for one, part in pairs]
-        if self.shrink.size:
-            along = np.asarray(sum(onto @ part for onto, part in zip(self.along, scaled, strict=True)))
-            taken.append((taken_off(self.shrink) * along.T).T)
-        return np.concatenate([*scaled, *taken])
-
-    def white(self, coordinates: np.ndarray) -> np.ndarray:
-        """The whitened residuals of all photographs, one below the other (datum, column)."""
-        sizes = [*(len(one.basis) for one in self.each), *(one.shrink.size for one in self.each)]
-        *found, along = np.split(coordinates, np.cumsum(sizes))
-        scaled, taken = found[: len(self.each)], found[len(self.each) :]
-        back = (self.shrink / taken_off(self.shrink) * along.T).T
-        return np.concatenate([
-            part + one.basis @ (one.shrink / taken_off(one.shrink) * own.T).T + basis @ back
-            for one, basis, part, own in zip(self.each, self.bases, scaled, taken, strict=True)
-        ])  # fmt: skip
-
-    def products(self, parts: Sequence[np.ndarray], places: Sequence[np.ndarray], count: int) -> np.ndarray:
-        """Of columns with each other, the inverse of the covariance between them (column, column).
-
-        - `parts`: of each photograph (datum, its columns); `places`: which of the `count` columns these are.
-        """
-        found, along = np.zeros((count, count)), np.zeros((self.shrink.size, count))
-        for whitener, onto, part, place in zip(self.each, self.along, parts, places, strict=True):
-            found[np.ix_(place, place)] += whitener.products(part)
-            if self.shrink.size:
-                along[:, place] += onto @ whitener.alone(part)
-        return found + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
-
-
-def taken_off(shrink: np.ndarray) -> np.ndarray:
-    """Root of the share that a direction's square loses, by `Whitener.shrink`."""
-    return np.sqrt(1.0 - np.square(1.0 + shrink))
-
-
-def joint_whitener(errors: Sequence[Errors]) -> JointWhitener:
-    """Of the errors of all photographs."""
-    each = tuple(one.own_whitener for one in errors)
-    scaled = [whitener(one.shared_modes) for whitener, one in zip(each, errors, strict=True)]
-    basis, shrink = shrinking(np.concatenate(scaled))
-    ends = np.cumsum([len(part) for part in scaled])[:-1]
-    return JointWhitener(each, tuple(np.split(basis, ends)), shrink)
-
-
-def shared_parts(errors: Sequence[Errors], misfits: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """What the misfits of all photographs say of the errors they share: its mean, of each photograph (datum,)."""
-    whiteners = [one.own_whitener for one in errors]
-    scaled = [whitener(one.shared_modes) for whitener, one in zip(whiteners, errors, strict=True)]
-    white = [whitener(misfit) for whitener, misfit in zip(whiteners, misfits, strict=True)]
-    known = np.eye(scaled[0].shape[1]) + sum(part.T @ part for part in scaled)
-    said = sum(part.T @ misfit for part, misfit in zip(scaled, white, strict=True))
-    amplitudes = np.linalg.solve(known, said)
-    return [one.shared_modes @ amplitudes for one in errors]

@@ -17,6 +17,10 @@ class Alone:
         """Of residuals (datum,) or of many side by side (datum, column)."""
         return (self.roots @ residual.reshape(*self.roots.shape[:2], -1)).reshape(residual.shape)
 
+    def transposed(self, white: np.ndarray) -> np.ndarray:
+        """The same by the transposed matrices."""
+        return Alone(np.swapaxes(self.roots, 1, 2))(white)
+
 
 @dataclass(frozen=True)
 class Whitener:

@@ -7,9 +7,9 @@ import pytest
 
 from inverse import noise
 from inverse.conditional import with_nuisances
+from inverse.joint_whitener import joint_whitener
 from inverse.likelihood import LIMB
 from inverse.map_estimate import descend
-from inverse.shared_errors import joint_whitener
 
 COUNT = LIMB + 4  # two photographs of two nuisances each, and one that they share among those
 PLACES = (np.array([LIMB, LIMB + 1, LIMB + 2]), np.array([LIMB, LIMB + 3]))

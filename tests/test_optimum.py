@@ -8,9 +8,9 @@ import pytest
 from eclipsejax.errors import InputError
 from inverse import optimum as module
 from inverse import prior
+from inverse.joint_whitener import joint_whitener
 from inverse.noise import Errors
 from inverse.optimum import STARTS, best, roughly, starts
-from inverse.shared_errors import joint_whitener
 
 TOP, COVER = ([parameter.name for parameter in prior.ATMOSPHERE].index(f"clouds.{name}") for name in ("top", "cover"))
 LOW, HIGH = -0.7, 1.4  # z of the clouds' top, or cover, at either end

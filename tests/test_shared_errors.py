@@ -12,16 +12,15 @@ from eclipsejax.ephemeris import Geometry, geometry
 from eclipsejax.scene import axis_offset
 from inverse import error_modes, noise
 from inverse.cells import CELLS_PER_RADIUS
+from inverse.joint_whitener import joint_whitener, shared_parts
 from inverse.photo_model import Disc
 from inverse.shared_errors import (
     MOON,
     SHARED,
     Places,
     covariance,
-    joint_whitener,
     places_of,
     shared_modes,
-    shared_parts,
     uneven_modes,
     unevenness,
 )  # fmt: skip
@@ -129,6 +128,7 @@ def test_whitened_residuals_have_the_products_of_the_whole_covariance():
     joint, inverse = joint_whitener(errors), np.linalg.inv(dense(errors))
     columns = random.standard_normal((len(inverse), 4))
     parts = np.split(columns, np.cumsum([one.sigma.size for one in errors])[:-1])
+    np.testing.assert_allclose(np.concatenate(joint.inverse(parts)), inverse @ columns, rtol=1e-8, atol=1e-12)
     white = np.concatenate(joint(parts))
     np.testing.assert_allclose(white.T @ white, columns.T @ inverse @ columns, rtol=1e-9)
     np.testing.assert_allclose(

@@ -3,7 +3,7 @@
     python -m benchmarks.calibration                  # 500 photographs, as the user gets them fitted
     python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
-    python -m benchmarks.calibration --first 100 --count 60 --minutes 25    # some of them, if there is time
+    python -m benchmarks.calibration --first 100 --count 60 --minutes 30    # some of them, if there is time
 
 The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
 it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
@@ -190,7 +190,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
     options = parser.parse_args()
     numbers = range(options.first, options.first + options.count)
-    found = summary(run(numbers, options.draws, options.workers, options.out, minutes=options.minutes))
+    rows = run(numbers, options.draws, options.workers, options.out, minutes=options.minutes)
+    if all("error" in row for row in rows):
+        print(f"Of {options.count} photographs {len(rows)} were begun in time, and none could be fitted.")
+        return 1
+    found = summary(rows)
     whole = not options.first and found["photographs"] == options.count  # others are no result to keep
     draws = "" if options.draws is None else f"-{options.draws}"
     folder = RESULTS if whole else options.out

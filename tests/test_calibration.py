@@ -1,6 +1,8 @@
 """How the calibration goes through its photographs: rows are kept, a failure is one of them, time may run out."""
 
-from benchmarks.calibration import QUANTITIES, run
+import sys
+
+from benchmarks.calibration import QUANTITIES, main, run
 
 FAILS = 2
 
@@ -26,3 +28,9 @@ def test_what_there_is_no_time_for_is_not_begun(tmp_path):
     assert run(range(2), None, 1, tmp_path, fitted=fitted, minutes=0.0) == kept
     assert not (tmp_path / "1.asked").exists()
     assert len(run(range(2), None, 1, tmp_path, fitted=fitted, minutes=1.0)) == 2
+
+
+def test_a_calibration_of_no_photographs_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["calibration", "--count", "2", "--minutes", "0", "--out", str(tmp_path)])
+    assert main() == 1
+    assert "none could be fitted" in capsys.readouterr().out

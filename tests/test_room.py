@@ -12,7 +12,7 @@ from inverse.map_estimate import descend, quadratic
 from inverse.posterior import LimbPosterior, _entries, batched
 from inverse.room import Room, log_volume
 
-LIMBS, DRAWS, STRETCH = 16, 600, 1.1
+LIMBS, DRAWS, STRETCH = 8, 600, 1.1
 
 
 def test_a_straight_log_volume_is_found():

@@ -58,9 +58,7 @@ class JointWhitener:
 
     def white(self, coordinates: np.ndarray) -> np.ndarray:
         """The whitened residuals of all photographs, one below the other (datum, column)."""
-        sizes = [*(len(one.basis) for one in self.each), *(one.shrink.size for one in self.each)]
-        *found, along = np.split(coordinates, np.cumsum(sizes))
-        scaled, taken = found[: len(self.each)], found[len(self.each) :]
+        scaled, taken, along = self._parts(coordinates)
         back = (self.shrink / taken_off(self.shrink) * along.T).T
         return np.concatenate([
             part + one.basis @ (one.shrink / taken_off(one.shrink) * own.T).T + basis @ back
@@ -72,14 +70,18 @@ class JointWhitener:
 
         - `parts`: of each photograph (datum, column), the columns the same for all.
         """
-        scaled = [whitener.alone(part) for whitener, part in zip(self.each, parts, strict=True)]
-        found = [part - one.basis @ _removed(one.shrink, one.basis.T @ part)
-                 for one, part in zip(self.each, scaled, strict=True)]  # fmt: skip
-        if self.shrink.size:
-            along = np.asarray(sum(onto @ part for onto, part in zip(self.along, scaled, strict=True)))
-            removed = _removed(self.shrink, along)
-            found = [part - onto.T @ removed for onto, part in zip(self.along, found, strict=True)]
-        return [one.alone.transposed(part) for one, part in zip(self.each, found, strict=True)]
+        scaled, taken, along = self._parts(self.coordinates(parts))
+        back = (taken_off(self.shrink) * along.T).T
+        return [
+            one.alone.transposed(part - one.basis @ (taken_off(one.shrink) * own.T).T - onto.T @ back)
+            for one, onto, part, own in zip(self.each, self.along, scaled, taken, strict=True)
+        ]
+
+    def _parts(self, coordinates: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
+        """Those of each photograph's data, those that its own errors take off, and those that shared ones do."""
+        sizes = [*(len(one.basis) for one in self.each), *(one.shrink.size for one in self.each)]
+        *found, along = np.split(coordinates, np.cumsum(sizes))
+        return found[: len(self.each)], found[len(self.each) :], along
 
     def products(self, parts: Sequence[np.ndarray], places: Sequence[np.ndarray], count: int) -> np.ndarray:
         """Of columns with each other, the inverse of the covariance between them (column, column).
@@ -92,11 +94,6 @@ class JointWhitener:
             if self.shrink.size:
                 along[:, place] += onto @ whitener.alone(part)
         return found + along.T @ ((np.square(1.0 + self.shrink) - 1.0)[:, None] * along)
-
-
-def _removed(shrink: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Of amplitudes (rank, column), what the inverse of a covariance takes off."""
-    return np.square(taken_off(shrink))[:, None] * along
 
 
 def taken_off(shrink: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ import numpy as np
 
 from inverse import noise
 from inverse.likelihood import LIMB, Likelihood
-from inverse.map_estimate import quadratic
 from inverse.shared_errors import Places, more_modes, places_of, shared_modes, uneven_modes
 
 TURNS = 2
@@ -60,10 +59,11 @@ def weights_of_light(likelihood: Likelihood, responses: Sequence[np.ndarray]) ->
 
     - `responses`: change of each log value by the log light of each channel (cell, value, light).
     """
-    z = np.zeros(len(likelihood.parameters))
-    covariance = np.linalg.inv(quadratic(likelihood, z).information)[:, :LIMB]
-    slopes = [by for _, by in likelihood.misfits_and_slopes(z)]
-    strays = [-by @ covariance[likelihood.columns(number)] for number, by in enumerate(slopes)]
+    count = len(likelihood.parameters)
+    slopes = [by for _, by in likelihood.misfits_and_slopes(np.zeros(count))]
+    columns = [likelihood.columns(number) for number in range(len(slopes))]
+    covariance = np.linalg.inv(np.eye(count) + likelihood.whitener.products(slopes, columns, count))[:, :LIMB]
+    strays = [-by @ covariance[places] for by, places in zip(slopes, columns, strict=True)]
     found = []
     for weights, by, sources in zip(likelihood.whitener.inverse(strays), responses, likelihood.sources, strict=True):
         usable = np.where(sources.usable[..., None], by, 0.0)

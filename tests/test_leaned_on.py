@@ -1,6 +1,7 @@
 """Errors that photographs share are held by modes where estimates lean on them."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -68,17 +69,15 @@ def test_estimates_of_a_series_stray_no_farther_than_they_say(series, amplitudes
     information = quadratic(likelihood, np.zeros(len(likelihood.parameters))).information
     spread = np.linalg.inv(information)
     claimed = np.diag(spread @ (information - np.eye(len(spread))) @ spread)[:LIMB]
-    weights = [one.reshape(len(one), 3, LIMB) for one in weights_of_light(likelihood, responses)]
     where = [places_of(model) for model in likelihood.models]
+    weights = [one.reshape(len(one), 3, LIMB)[place.on_disc]
+               for one, place in zip(weights_of_light(likelihood, responses), where, strict=True)]  # fmt: skip
+    modes = [one.smooth[place.on_disc][:, -one.shared :] for one, place in zip(likelihood.sources, where, strict=True)]
     missed = np.zeros(LIMB)
-    for number, one in enumerate(where):
-        for other in range(number):
-            pair = [weights[at][where[at].on_disc] for at in (number, other)]
-            modes = [likelihood.sources[at].smooth[where[at].on_disc][:, -likelihood.sources[at].shared :]
-                     for at in (number, other)]  # fmt: skip
-            missing = between(one, where[other]) - modes[0] @ modes[1].T
-            together = np.einsum("ie,ij,je->e", pair[0].sum(axis=1), missing, pair[1].sum(axis=1))
-            each = np.einsum("ice,ij,jce->e", pair[0], missing, pair[1])
-            missed += 2.0 * (sizes["smooth"] ** 2 * together + sizes["chromatic"] ** 2 * each)
+    for one, other in combinations(range(len(where)), 2):
+        missing = between(where[one], where[other]) - modes[one] @ modes[other].T
+        together = np.einsum("ie,ij,je->e", weights[one].sum(axis=1), missing, weights[other].sum(axis=1))
+        each = np.einsum("ice,ij,jce->e", weights[one], missing, weights[other])
+        missed += 2.0 * (sizes["smooth"] ** 2 * together + sizes["chromatic"] ** 2 * each)
     ratio = np.sqrt(1.0 + missed / claimed)
     assert ratio.max() < 1.01 and ratio.min() > 0.85

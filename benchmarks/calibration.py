@@ -45,7 +45,7 @@ def fitted(number: int, draws: int | None, folder: Path, wrong: Mapping[str, Any
     from inverse.fit import fit_atmosphere
 
     drawn = draw(folder / f"{os.getpid()}.jpg", SEED, number, Wrong(**wrong))
-    fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number)
+    fit = fit_atmosphere(drawn.path, time=drawn.utc, site=drawn.site, draws=draws, seed=number, further=False)
     registration = fit.photos[0].registration
     assert registration is not None
     right, up, larger, roll = (fit.estimates[f"1.pointing.{name}"].map for name in ("right", "up", "radius", "roll"))

@@ -150,7 +150,7 @@ def _key(figure, fit: Fit, left_out: list[str], truths: bool) -> None:
 def _interval(fit: Fit, name: str, words: Words) -> str:
     """Median and 68 %; for the dust the median of alpha and the optical depth that it means."""
     estimate = fit.estimates[name]
-    if not words.logarithm:
+    if name != "dust.extinction":
         return f"{words.name}\n{_plus_minus(estimate, words.factor)} {words.unit}".strip()
     if estimate.is_limit:
         limit = fit.estimates["stratospheric_optical_depth"].ci95[1]

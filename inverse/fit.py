@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from inverse.chain import Record, read_record
 from inverse.compared import photo_fits
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
+from inverse.further import advice
 from inverse.information import information, under_independent_errors
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
@@ -46,6 +48,7 @@ def fit_atmosphere(
     seed: int = 0,
     chain: str | PathLike | None = None,
     resume: bool = False,
+    further: bool = True,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Fit:
     """Infer dust, temperature and pressure of the air along the Earth's limb from photographs of one lunar eclipse.
@@ -73,6 +76,7 @@ def fit_atmosphere(
     - `seed`: of the sampler: the same seed gives the same chain.
     - `chain`: file (HDF5) for the samples while they are drawn.
     - `resume`: go on with the chain in that file, if there is one, of the same photographs, seed and program.
+    - `further`: say which further photograph would tell most, as well (`inverse.further`).
     """
     if (draws or 0) < 0 or seed < 0:
         raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
@@ -101,7 +105,9 @@ def fit_atmosphere(
         keep=lambda samples: None if file is None else Record(depends_on, numbers, samples).write(file),
         progress=lambda stage, done, of: progress(Progress(stage, done, of)),
     )  # fmt: skip
-    return conclude(evidence, likelihood, optimum, found, clock, seed, timer.perf_counter() - started)
+    seconds = timer.perf_counter() - started
+    others = advice(evidence, likelihood, optimum) if further else None
+    return conclude(evidence, likelihood, optimum, found, others, clock, seed, seconds)
 
 
 def conclude(
@@ -109,6 +115,7 @@ def conclude(
     likelihood: Likelihood,
     optimum: Optimum,
     found: Answer,
+    others: dict[str, Any] | None,
     clock: float | str | None,
     seed: int,
     seconds: float,
@@ -135,6 +142,7 @@ def conclude(
         "misfit_checks": misfit_checks(likelihood, optimum),
         "information": information(optimum, likelihood.labels),
         "independent_errors": under_independent_errors(likelihood, optimum),
+        "further_photographs": others,
         "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],

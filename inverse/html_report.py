@@ -9,6 +9,7 @@ import numpy as np
 
 from eclipsejax.whole_file import whole_file
 from inverse.corner_plot import METHODS
+from inverse.further import in_words as further_in_words
 from inverse.html_page import folded, heading, listed, page, paragraph, picture, table
 from inverse.information import NOT_INFORMED, in_words, independent_in_words
 from inverse.misfit_check import all_unexplained
@@ -49,6 +50,7 @@ def html_report(fit: Fit, pictures: Sequence[Path] = ()) -> str:
             *(picture(path, CAPTIONS.get(path.stem.split("-")[0], path.stem)) for path in pictures),
             *_limb(fit),
             *_learnt(fit.diagnostics),
+            *_further(fit.diagnostics.get("further_photographs")),
             *_errors(fit),
             *_drawing(fit.diagnostics),
             *_nuisances(fit),
@@ -146,6 +148,27 @@ def _learnt(diagnostics: Mapping[str, Any]) -> list[str]:
         folded(
             "Averaging kernel: how far the answer (row) moves when the truth (column) moves by one sd of the prior",
             table(["", *(str(number) for number in range(1, len(names) + 1))], kernel),
+        ),
+    ]
+
+
+def _further(advice: Mapping[str, Any] | None) -> list[str]:
+    if advice is None:
+        return []
+    names = list(advice["most_bits"]["remains"])
+    rows = [
+        [one["utc"], f"{one['stops']:+g}", *(f"{one['remains'][name]:.0%}" for name in names), f"{one['bits']:.1f}"]
+        for one in advice["best_for_dust"]
+    ]
+    title = "What is left of the standard deviations, by the time of the photograph, exposed as is best for the dust"
+    return [
+        heading("Which further photograph would help most"),
+        paragraph(further_in_words(advice)),
+        folded(title, table(["", "stops", *names, "bits"], rows)),
+        paragraph(
+            "By the same camera at the same place, its shutter known against that of the photograph there is; stops "
+            "are powers of two of that exposure. From Fisher's information at the optimum, by the fit's own errors.",
+            "note",
         ),
     ]
 

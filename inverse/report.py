@@ -7,10 +7,15 @@ from pathlib import Path
 
 from inverse.comparison_plot import comparison
 from inverse.corner_plot import corner_plot
+from inverse.further import in_words as further_in_words
 from inverse.information import in_words, independent_in_words
 from inverse.page import drawn
 from inverse.profile_plot import profile_plot
 from inverse.result import Fit
+
+TOLD = {  # of the diagnostics, in the report as text
+    "information": in_words, "independent_errors": independent_in_words, "further_photographs": further_in_words,
+}  # fmt: skip
 
 
 def text_report(fit: Fit) -> str:
@@ -18,8 +23,8 @@ def text_report(fit: Fit) -> str:
     cautions = [textwrap.fill(f"Warning: {text}", 110, subsequent_indent="  ") for text in fit.warnings]
     learnt = [
         textwrap.fill(words(fit.diagnostics[key]), 110)
-        for key, words in (("information", in_words), ("independent_errors", independent_in_words))
-        if key in fit.diagnostics
+        for key, words in TOLD.items()
+        if fit.diagnostics.get(key) is not None
     ]
     return "\n\n".join([fit.sentence(), fit.summary(), *learnt, *(["\n".join(cautions)] if cautions else [])])
 

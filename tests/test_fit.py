@@ -53,7 +53,7 @@ def test_a_fit_that_was_interrupted_ends_as_if_it_had_not_been(fitted, descended
     assert resumed.steps == 20  # as many as the first command said
     again = given["chain"].with_name("again.h5")
     monkeypatch.setattr("inverse.fit.best", lambda *_: descended[0])
-    whole = fit_atmosphere(path, draws=DRAWS, **{**given, "chain": again})
+    whole = fit_atmosphere(path, draws=DRAWS, further=False, **{**given, "chain": again})
     assert np.array_equal(read_chain(again).z, resumed.z)
     assert {name: one.median for name, one in whole.estimates.items()} == {
         name: one.median for name, one in fit.estimates.items()
@@ -126,6 +126,7 @@ def test_a_photograph_made_by_the_model_is_explained_and_says_something(fitted):
     assert known["parameters"]["air.surface_pressure"]["prior_dominated"]
     assert 3 < known["degrees_of_freedom"]["limb"] < known["degrees_of_freedom"]["total"]
     assert diagnostics["independent_errors"]["dust.extinction"]["ratio"] > 1
+    assert diagnostics["further_photographs"]["camera_of"] == "eclipse.jpg"
 
 
 def test_each_photograph_may_have_a_site_of_its_own():

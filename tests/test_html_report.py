@@ -42,6 +42,10 @@ class Document(HTMLParser):
         self.text += data
 
 
+def further(utc: str, stops: float, left: float, bits: float) -> dict:
+    return {"utc": utc, "stops": stops, "remains": {"dust.extinction": left}, "bits": bits}
+
+
 def diagnosed(fit: Fit) -> Fit:
     """With the diagnostics of a real fit of one photograph."""
     labels = [*(parameter.name for parameter in prior.ATMOSPHERE), "1.gain"]
@@ -60,6 +64,11 @@ def diagnosed(fit: Fit) -> Fit:
         ],
         "information": information(Optimum(np.zeros(10), 0.0, True, 9, np.linalg.inv(covariance), ()), labels),
         "independent_errors": {"dust.extinction": {"sd": 4.1e-7, "sd_independent": 5.2e-8, "ratio": 7.88}},
+        "further_photographs": {
+            "camera_of": HOSTILE,
+            "best_for_dust": [further("2015-09-28T03:01:00Z", -6.0, 0.37, 2.4)],
+            "most_bits": further("2015-09-28T03:20:00Z", 0.0, 0.41, 2.9),
+        },
         "sampler": {"steps": 4321, "r_hat": None, "converged": True, "unmet": []},
         "psis": None,
     }
@@ -96,8 +105,8 @@ def test_one_file_holds_all_and_asks_for_nothing(hostile):
 def test_strangers_words_are_text(hostile):
     fit, text, _ = hostile
     found = Document(text)
-    # In the heading, the warnings, the table of errors, and twice in the provenance; the title is text as well.
-    assert found.text.count(HOSTILE) == 6
+    # In the heading, the warnings, the table of errors, the advice, twice in the provenance; the title is text as well.
+    assert found.text.count(HOSTILE) == 7
     assert HOSTILE not in text and "&lt;script&gt;" in text
     assert "1.<i>gain" in found.text and fit.warnings[0] in found.text
 
@@ -114,7 +123,7 @@ def test_the_numbers_are_there(hostile):
         assert f"{100 * estimate.informed:.0f} %" in said
     assert f"optical depth of {depth.median:.2g}" in said and "Pinatubo" in said and "0.1 to 0.15" in said
     told = "12.3 %", "3.7 %", "0.83", "1.01 of 2871", "1.01 of 91", "5.2e-08 /m", "7.88 times as much", "4321", "c0ffee"
-    for words in told:
+    for words in (*told, "03:01:00Z, exposed 6 stops less", "fall to 37%", "2.9 bits", "03:20:00Z, exposed alike"):
         assert words in said
     assert "bits" in said and "Averaging kernel" in said and "prior-dominated" not in said.split("Averaging")[1]
     assert "sampler: r_hat" in said and "seed" in said and "nuisances" in said

@@ -7,6 +7,7 @@ import jax
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from eclipsejax.almanac import nearest_eclipse
@@ -14,7 +15,7 @@ from eclipsejax.camera import Camera, pixel_at
 from eclipsejax.ephemeris import geometry
 from inverse import prior
 from inverse.comparison_plot import brightening, compass, residual
-from inverse.corner_plot import shown_quantities
+from inverse.corner_plot import corner_plot, shown_quantities
 from inverse.profile_plot import umbra_radius
 from inverse.registration import Registration
 from inverse.report import text_report, write_pictures
@@ -215,6 +216,16 @@ def test_corner_shows_the_dust_once_and_the_best_informed():
     assert left_out == ["air.surface_pressure", "scattered.amplitude"]  # 0.95 of the prior's width, the most of all
     still = replace(fit, draws={**fit.draws, "clouds.top": np.full_like(fit.draws["clouds.top"], 7e3)})
     assert "clouds.top" not in sum(shown_quantities(still), [])
+
+
+def test_corner_has_the_optical_depth_above_the_dust_alone():
+    fit = fake_fit()
+    scattered = replace(fit.estimates["scattered.amplitude"], informed=0.99)
+    figure = Figure()
+    corner_plot(replace(fit, estimates={**fit.estimates, "scattered.amplitude": scattered}), {}, figure)
+    titles = [panel.get_title() for panel in figure.axes]
+    assert [title.splitlines()[0][:6] for title in titles if "optical depth" in title] == ["dust α"]
+    assert any(title.startswith("scattered light\n$") for title in titles)
 
 
 def test_text_says_alpha_with_its_optical_depth_then_the_table_then_the_warnings():

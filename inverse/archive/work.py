@@ -37,7 +37,7 @@ def fitted(task: Task, chain: Path, resume: bool):
     times = [time for time in task.times if time is not None]
     return fit_atmosphere(
         task.paths, time=times or None, site=list(task.sites), disc=list(task.discs), draws=task.draws, seed=task.seed,
-        chain=chain, resume=resume,
+        chain=chain, resume=resume, further=False,
     )  # fmt: skip
 
 

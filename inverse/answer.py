@@ -165,8 +165,9 @@ def check_same_density(density, chain: Chain) -> None:
 
 
 def identity(
-    evidence, parameters, disc: int | list[int | None] | None, clock: float | str | None, seed: int
-) -> dict[str, Any]:
+    evidence, parameters, disc: int | list[int | None] | None, clock: float | str | None, exposure: float | str,
+    seed: int,
+) -> dict[str, Any]:  # fmt: skip
     """What a chain depends on, for `chain.Record`."""
     return {
         "photographs": [item.photo.sha256 for item in evidence],
@@ -174,6 +175,7 @@ def identity(
         "site": [item.site for item in evidence],
         "disc": disc,
         "clock": clock,
+        "exposure": exposure,
         "seed": seed,
         "priors": [list(parameter[:5]) for parameter in parameters],
         "sampler": settings(),

@@ -14,6 +14,7 @@ DEMO_PHOTOGRAPH = "2022-05-16-newtonian/final.png"
 DEMO_DISC, DEMO_TIME, DEMO_SITE = 4, "2022-05-16T04:06:00Z", (-10.944, -37.056)
 DEMO_PROFILE = "2022-05-16-profile.csv"
 NOT_CONVERGED = 3
+RELATIVE, FREE, ERRORS = "relative", "free", (0.05, 3.0)  # ln, of exposures
 UNKNOWN, CLOCKS = "unknown", (0.1, 86400.0)  # s: the day is believed
 
 
@@ -58,7 +59,8 @@ def _command(arguments: Sequence[str] | None) -> None:
     try:
         with Bars() as bars:
             fit = fit_atmosphere(
-                photographs, time=time, site=site, disc=disc, clock=options.clock, draws=options.draws,
+                photographs, time=time, site=site, disc=disc, clock=options.clock,
+                exposure=options.exposure or RELATIVE, draws=options.draws,
                 seed=options.seed, chain=chain, resume=options.resume,
                 progress=lambda now: bars(now.stage, now.done, now.total),
             )  # fmt: skip
@@ -89,6 +91,9 @@ def _parser() -> session.Arguments:
     add("--disc", type=int, metavar="N", help="which of several discs in the picture, in reading order from 1")
     add("--clock", type=_clock, metavar="SECONDS", help="standard deviation of the error of the times, default 60; or "
         "unknown: the time is searched over the eclipse by the shadow's place on the Moon")  # fmt: skip
+    add("--exposure", type=_exposure, metavar="ERROR", help="of what files state: "
+        f"{RELATIVE} (default), those of a camera against each other; {FREE}: nothing; or the error of the light that "
+        "shutter, focal ratio and ISO tell, such as 0.25")  # fmt: skip
     add("--out", default="out", metavar="DIR", help="folder of the report; default out")
     add(
         "--draws",
@@ -106,6 +111,12 @@ def _parser() -> session.Arguments:
 def _clock(text: str) -> float | str:
     """Type of the option: a number, or the word."""
     return UNKNOWN if text.strip().lower() == UNKNOWN else session.number(*CLOCKS)(text)
+
+
+def _exposure(text: str) -> float | str:
+    """Type of the option: a word, or a number."""
+    word = text.strip().lower()
+    return word if word in (RELATIVE, FREE) else session.number(*ERRORS)(text)
 
 
 def _demo():

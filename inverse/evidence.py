@@ -19,7 +19,7 @@ from inverse import error_modes, noise, prior
 from inverse.assumed_camera import response
 from inverse.cells import Cells, bin_photo
 from inverse.clock_search import correction, later
-from inverse.exposures import Exposed, log_exposures
+from inverse.exposures import RELATIVE, Exposed, believed, log_exposures
 from inverse.leaned_on import with_shared_errors
 from inverse.likelihood import Likelihood, places
 from inverse.limb_light import shadow_of
@@ -179,11 +179,15 @@ def _placed(
     return Evidence(photo, where, site, registration, cells, clock, width, tuple(remarks))
 
 
-def prepare(evidence: Sequence[Evidence]) -> Likelihood:
-    """The likelihood of all photographs, with the errors that they are thought to have beforehand."""
-    exposures = log_exposures([item.photo for item in evidence])
+def prepare(evidence: Sequence[Evidence], exposure: float | str = RELATIVE) -> Likelihood:
+    """The likelihood of all photographs, with the errors that they are thought to have beforehand.
+
+    - `exposure`: as of `fit_atmosphere`.
+    """
+    photos = [item.photo for item in evidence]
+    exposures = believed(photos, log_exposures(photos), exposure)
     models, known, sources, values = [], [], [], []
-    for item, exposure in zip(evidence, exposures, strict=True):
+    for item, one in zip(evidence, exposures, strict=True):
         value, sigma, usable, limit, on_disc = _measured(item)
         black = noise.black_error(value, usable, item.photo.tone_curve)
         floor = floor_of(sigma, usable, black)
@@ -193,10 +197,13 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
             position = (offset / 4.6e-3)[:, None]  # in radii of the Moon
         else:
             assert item.cells is not None and item.registration is not None
-            model = photo_model(item.photo, item.registration, item.where, item.cells, floor, item.clock_width)
+            model = photo_model(
+                item.photo, item.registration, item.where, item.cells, floor, item.clock_width,
+                one.error or prior.GAIN,
+            )  # fmt: skip
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
             position = np.stack([item.cells.right, item.cells.up], axis=1)
-        stated = exposure.relative, exposure.width, exposure.balance, exposure.tint
+        stated = one.relative, one.width, one.balance, one.tint
         of_camera = lambda model: (model.gain, model.exposure_width, model.balance, model.tint_width)
         models.append(eqx.tree_at(of_camera, model, tuple(real(value) for value in stated)))
         scale = np.maximum(value, 0.0) + floor
@@ -214,12 +221,14 @@ def prepare(evidence: Sequence[Evidence]) -> Likelihood:
     data = [observed(*item, error=one.whole) for item, one in zip(known, errors, strict=True)]
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
     shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
-    shared = [keys_of(item, exposure) for item, exposure in zip(evidence, exposures, strict=True)]
+    shared = [keys_of(item, one) for item, one in zip(evidence, exposures, strict=True)]
     likelihood = Likelihood(
         shadow, tuple(models), tuple(data), tuple(sources), tuple(errors), places(shared, models)
     )  # fmt: skip
     groups: dict[object, list[int]] = {}
-    for number, keys in enumerate(shared):
+    for number, (keys, one) in enumerate(zip(shared, exposures, strict=True)):
+        if one.error is not None:
+            continue
         groups.setdefault(keys.get("gain", number), []).append(number)
     several = [number for number, item in enumerate(evidence) if item.cells is not None]  # a profile shares no errors
     return with_shared_errors(likelihood.centred(list(groups.values())), several, values, responses)

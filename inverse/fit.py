@@ -15,6 +15,7 @@ from inverse.chain import Record, read_record
 from inverse.compared import photo_fits
 from inverse.conditional import with_nuisances
 from inverse.evidence import Evidence, gather, prepare
+from inverse.exposures import RELATIVE, check_exposure
 from inverse.further import advice
 from inverse.information import information, under_independent_errors
 from inverse.likelihood import LIMB, Likelihood
@@ -44,6 +45,7 @@ def fit_atmosphere(
     site: tuple[float, ...] | list[tuple[float, ...] | None] | None = None,
     disc: int | list[int | None] | None = None,
     clock: float | str | None = None,
+    exposure: float | str = RELATIVE,
     draws: int | None = None,
     seed: int = 0,
     chain: str | PathLike | None = None,
@@ -71,6 +73,9 @@ def fit_atmosphere(
     - `clock`: standard deviation of the error of the clock that gave the times [s], by default 60; or "unknown" if no
       more than the day is to be believed, which `time` may give alone. If unknown, or above 300 s, the time is searched
       by the shadow's place on the Moon (`inverse.clock_search`), for all photographs of the one camera together.
+    - `exposure`: what is believed of stated exposures: "relative", those of one camera against each other; "free",
+      nothing; or by how much the light that seconds, focal ratio and ISO tell may be wrong, in its logarithm. That is
+      good to a factor of 2 (`eclipsejax.camera.LOONEY_11`), of processed files often not so.
     - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
       posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.
@@ -80,6 +85,7 @@ def fit_atmosphere(
     """
     if (draws or 0) < 0 or seed < 0:
         raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
+    check_exposure(exposure)
     started = timer.perf_counter()
     if isinstance(photographs, str | PathLike):
         photographs = [photographs]
@@ -87,8 +93,8 @@ def fit_atmosphere(
         photographs, time=time, site=site, disc=disc, clock=clock, progress=lambda *a: progress(Progress(*a))
     )  # fmt: skip
     progress(Progress("fitting", 0, STAGES))
-    likelihood = prepare(evidence)
-    depends_on = identity(evidence, likelihood.parameters, disc, clock, seed)
+    likelihood = prepare(evidence, exposure)
+    depends_on = identity(evidence, likelihood.parameters, disc, clock, exposure, seed)
     file = None if chain is None else Path(chain)
     record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
     if record is None:
@@ -107,7 +113,7 @@ def fit_atmosphere(
     )  # fmt: skip
     seconds = timer.perf_counter() - started
     others = advice(evidence, likelihood, optimum) if further else None
-    return conclude(evidence, likelihood, optimum, found, others, clock, seed, seconds)
+    return conclude(evidence, likelihood, optimum, found, others, clock, exposure, seed, seconds)
 
 
 def conclude(
@@ -117,6 +123,7 @@ def conclude(
     found: Answer,
     others: dict[str, Any] | None,
     clock: float | str | None,
+    exposure: float | str,
     seed: int,
     seconds: float,
 ) -> Fit:
@@ -156,6 +163,6 @@ def conclude(
         photos=photos,
         diagnostics=diagnostics,
         warnings=tuple(warnings_of(evidence, quantities, diagnostics)),
-        provenance=provenance(evidence, clock, seed),
+        provenance=provenance(evidence, clock, exposure, seed),
         log_posterior=found.log_posterior,
     )

@@ -103,11 +103,13 @@ class PhotoModel(eqx.Module):
     tone_curve: str = eqx.field(static=True)
     clock_width: float = eqx.field(static=True)
     """Width of the prior of the clock's error [s]."""
+    gain_width: float = eqx.field(static=True, default=prior.GAIN)
+    """Width of the prior of the camera's sensitivity [ln]."""
 
     @property
     def parameters(self) -> tuple[prior.Parameter, ...]:
         """The nuisances of this photograph."""
-        return prior.photograph_parameters(self.tone_curve, self.clock_width)
+        return prior.photograph_parameters(self.tone_curve, self.clock_width, self.gain_width)
 
     def seen(self, z: Float[Array, " parameter"]) -> tuple[Surface, Surface]:
         """The Moon behind the cells, and around them for the glare."""
@@ -217,8 +219,9 @@ def colour_matrix(nuisance) -> Float[Array, "3 3"]:
 
 
 def photo_model(
-    photo, registration, where: Geometry, cells: Cells, floor: float, clock_width: float = prior.CLOCK
-) -> PhotoModel:
+    photo, registration, where: Geometry, cells: Cells, floor: float,
+    clock_width: float = prior.CLOCK, gain_width: float = prior.GAIN,
+) -> PhotoModel:  # fmt: skip
     """Put a registered photograph's model together."""
     spacing = 1.0 / GLARE_POINTS_PER_RADIUS
     line = np.arange(-GLARE_POINTS_PER_RADIUS, GLARE_POINTS_PER_RADIUS) * spacing + 0.5 * spacing
@@ -242,6 +245,7 @@ def photo_model(
         mirror=registration.mirror,
         tone_curve=photo.tone_curve,
         clock_width=clock_width,
+        gain_width=gain_width,
     )
 
 

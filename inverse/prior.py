@@ -51,6 +51,7 @@ class Parameter(NamedTuple):
 
 
 CLOCK = 60.0  # s: a clock that somebody set
+GAIN = 3.0  # ln: a sensitivity of which nothing is known
 
 # The limb. Shared by all photographs of one eclipse.
 ATMOSPHERE = (
@@ -71,7 +72,7 @@ ATMOSPHERE = (
 # What the camera, its pointing and the photographer's clock add. For each photograph; what a camera is known to keep
 # from one photograph to the next is one for all of its photographs (`OF_CAMERA`), and so is its clock.
 PHOTOGRAPH = (
-    Parameter("gain", "ln", "normal", 0.0, 3.0, "sensitivity unknown; centred on the photographs themselves"),
+    Parameter("gain", "ln", "normal", 0.0, GAIN, "sensitivity unknown; centred on the photographs themselves"),
     Parameter("exposure", "sd", "normal", 0.0, 1.0, "error of the stated exposure, in its own standard deviations"),
     Parameter("white_balance.red", "ln", "normal", 0.0, 0.3, "against green, from the light of the full Moon"),
     Parameter("white_balance.blue", "ln", "normal", 0.0, 0.3, "against green"),
@@ -110,12 +111,13 @@ OF_THE_VIEW = frozenset(
 )
 
 
-def photograph_parameters(tone_curve: str, clock: float = CLOCK) -> tuple[Parameter, ...]:
+def photograph_parameters(tone_curve: str, clock: float = CLOCK, gain: float = GAIN) -> tuple[Parameter, ...]:
     """The nuisances of one photograph: a linear one has no tone curve.
 
-    - `clock`: standard deviation of its clock's error [s].
+    - `clock`, `gain`: standard deviations of its clock's error [s] and of its camera's sensitivity [ln].
     """
-    always = tuple(one._replace(width=clock) if one.name == "clock" else one for one in PHOTOGRAPH)
+    widths = {"clock": clock, "gain": gain}
+    always = tuple(one._replace(width=widths.get(one.name, one.width)) for one in PHOTOGRAPH)
     return always if tone_curve == "linear" else always + TONE
 
 

@@ -173,8 +173,8 @@ def test_a_profile_has_no_clock():
 
 
 def test_the_option_is_part_of_what_a_chain_is_of():
-    assert identity([], (), None, 600.0, 1)["clock"] == 600.0
-    assert identity([], (), None, "unknown", 1) != identity([], (), None, None, 1)
+    assert identity([], (), None, 600.0, "relative", 1)["clock"] == 600.0
+    assert identity([], (), None, "unknown", "free", 1) != identity([], (), None, None, "free", 1)
 
 
 def test_the_prior_of_a_clock_is_as_wide_as_was_said():

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from eclipsejax.camera import LOONEY_11
 from eclipsejax.ephemeris import geometry
 from inverse import further
 from inverse.blocked import Blocked, Information
@@ -134,6 +135,20 @@ def test_all_of_an_eclipse(asked, monkeypatch):
     assert f"fall to {best.remains[0]:.0%}" in in_words(said)
     little = {**said["best_for_dust"][0], "remains": {"dust.extinction": 0.95}}
     assert "would tell much more of the dust" in in_words({**said, "best_for_dust": [little]})
+
+
+def test_an_exposure_that_is_known_tells_what_the_full_moon_would(asked):
+    """Of the dust, which darkens as a shorter exposure does."""
+    photo = replace(asked.item.photo, f_number=8.0)
+    likelihood = prepare([replace(asked.item, photo=photo)], 0.25)
+    (model,) = likelihood.models
+    full_moon = LOONEY_11 * photo.exposure_s * photo.iso * (11.0 / 8.0) ** 2
+    assert float(model.gain) == pytest.approx(np.log(full_moon)) and model.gain_width == 0.25
+    assert {one.name: one.width for one in likelihood.parameters}["gain"] == 0.25
+    z = np.zeros(len(likelihood.parameters))
+    left = deviations(quadratic(likelihood.carried(z), z).information) / deviations(asked.optimum.information)
+    print(left)
+    assert left[0] < 0.75
 
 
 def test_the_moon_has_to_be_up(asked):

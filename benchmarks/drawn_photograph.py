@@ -30,7 +30,8 @@ from eclipsejax.scatterers import Scatterers
 from eclipsejax.scene import Scene, axis_offset, axis_position_angle, disc_points
 from eclipsejax.sounding import Sounding
 from inverse import prior
-from inverse.photo_model import COLOUR_MATRIX, GLARE_SCALE, TINT
+from inverse.camera_colours import ASSUMED_MATRIX
+from inverse.photo_model import GLARE_SCALE, TINT
 
 SHAPE = (440, 480)
 RADIUS = (135.0, 155.0)  # pixel
@@ -239,7 +240,7 @@ def _encoded(light, nuisance, wrong: Wrong) -> np.ndarray:
             if to != source:
                 own[row, column] = nuisance[f"matrix.{to}_{source}"]
     own -= np.diag(own.sum(axis=1))
-    matrix = np.eye(3) + nuisance["tone.saturation"] * (COLOUR_MATRIX - np.eye(3)) + own
+    matrix = np.eye(3) + nuisance["tone.saturation"] * (ASSUMED_MATRIX - np.eye(3)) + own
     x = np.clip(light @ matrix.T - nuisance["tone.black"], 0.0, 1.0) ** nuisance["tone.exponent"]
     x = x * (1.0 + nuisance["tone.toe"]) * x / (x + nuisance["tone.toe"])
     x = x * (1.0 + nuisance["tone.shoulder"]) / (1.0 + nuisance["tone.shoulder"] * x)

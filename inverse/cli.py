@@ -47,6 +47,7 @@ def _command(arguments: Sequence[str] | None) -> None:
     except OSError as error:
         raise InputError(f"The folder {out} cannot be made ({error.strerror}): give --out another place.") from None
     session.start()
+    from inverse.camera_colours import ASSUMED
     from inverse.fit import fit_atmosphere
     from inverse.report import text_report
 
@@ -60,8 +61,8 @@ def _command(arguments: Sequence[str] | None) -> None:
         with Bars() as bars:
             fit = fit_atmosphere(
                 photographs, time=time, site=site, disc=disc, clock=options.clock,
-                exposure=options.exposure or RELATIVE, draws=options.draws,
-                seed=options.seed, chain=chain, resume=options.resume,
+                exposure=options.exposure or RELATIVE, response=options.response or ASSUMED,
+                draws=options.draws, seed=options.seed, chain=chain, resume=options.resume,
                 progress=lambda now: bars(now.stage, now.done, now.total),
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -94,6 +95,8 @@ def _parser() -> session.Arguments:
     add("--exposure", type=_exposure, metavar="ERROR", help="of what files state: "
         f"{RELATIVE} (default), those of a camera against each other; {FREE}: nothing; or the error of the light that "
         "shutter, focal ratio and ISO tell, such as 0.25")  # fmt: skip
+    add("--response", metavar="CSV", help="spectral sensitivities of the camera: wavelength [nm], red, green, blue; "
+        "default: those of a Nikon D5100")  # fmt: skip
     add("--out", default="out", metavar="DIR", help="folder of the report; default out")
     add(
         "--draws",

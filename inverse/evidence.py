@@ -16,7 +16,8 @@ from eclipsejax.errors import InputError
 from eclipsejax.scene import check_eclipsed
 from eclipsejax.traced import real
 from inverse import error_modes, noise, prior
-from inverse.assumed_camera import response
+from inverse.assumed_camera import response as assumed_response
+from inverse.camera_colours import ASSUMED, colour_matrix_of
 from inverse.cells import Cells, bin_photo
 from inverse.clock_search import correction, later
 from inverse.exposures import RELATIVE, Exposed, believed, log_exposures
@@ -179,10 +180,10 @@ def _placed(
     return Evidence(photo, where, site, registration, cells, clock, width, tuple(remarks))
 
 
-def prepare(evidence: Sequence[Evidence], exposure: float | str = RELATIVE) -> Likelihood:
+def prepare(evidence: Sequence[Evidence], exposure: float | str = RELATIVE, response: str = ASSUMED) -> Likelihood:
     """The likelihood of all photographs, with the errors that they are thought to have beforehand.
 
-    - `exposure`: as of `fit_atmosphere`.
+    - `exposure`, `response`: as of `fit_atmosphere`.
     """
     photos = [item.photo for item in evidence]
     exposures = believed(photos, log_exposures(photos), exposure)
@@ -203,8 +204,10 @@ def prepare(evidence: Sequence[Evidence], exposure: float | str = RELATIVE) -> L
             )  # fmt: skip
             offset = np.asarray(seen(model, jnp.zeros(len(model.parameters)))[0].offset)
             position = np.stack([item.cells.right, item.cells.up], axis=1)
-        stated = one.relative, one.width, one.balance, one.tint
-        of_camera = lambda model: (model.gain, model.exposure_width, model.balance, model.tint_width)
+        stated = one.relative, one.width, one.balance, one.tint, colour_matrix_of(response)
+        of_camera = lambda model: (
+            model.gain, model.exposure_width, model.balance, model.tint_width, model.colours
+        )  # fmt: skip
         models.append(eqx.tree_at(of_camera, model, tuple(real(value) for value in stated)))
         scale = np.maximum(value, 0.0) + floor
         relief = np.where(on_disc, noise.RELIEF, noise.SKY)
@@ -216,11 +219,11 @@ def prepare(evidence: Sequence[Evidence], exposure: float | str = RELATIVE) -> L
         sources.append(noise.Sources(pixels, relief, smooth, left, broad, bent, floor, black, usable, on_disc))
         values.append(value)
         known.append((np.log(scale), usable, limit))
-    responses = [response(*item) for item in zip(models, values, strict=True)]
+    responses = [assumed_response(*item) for item in zip(models, values, strict=True)]
     errors = [one.errors(value, by) for one, value, by in zip(sources, values, responses, strict=True)]
     data = [observed(*item, error=one.whole) for item, one in zip(known, errors, strict=True)]
     reach = max(LEAST_REACH, REACH * max(item.clock_width for item in evidence))
-    shadow = shadow_of([item.where for item in evidence], clock_reach=reach)
+    shadow = shadow_of([item.where for item in evidence], clock_reach=reach, response=response)
     shared = [keys_of(item, one) for item, one in zip(evidence, exposures, strict=True)]
     likelihood = Likelihood(
         shadow, tuple(models), tuple(data), tuple(sources), tuple(errors), places(shared, models)

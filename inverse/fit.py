@@ -11,6 +11,7 @@ import numpy as np
 
 from eclipsejax.errors import InputError
 from inverse.answer import Answer, answer, beginning, begun, identity
+from inverse.camera_colours import ASSUMED, checked_response
 from inverse.chain import Record, read_record
 from inverse.compared import photo_fits
 from inverse.conditional import with_nuisances
@@ -46,6 +47,7 @@ def fit_atmosphere(
     disc: int | list[int | None] | None = None,
     clock: float | str | None = None,
     exposure: float | str = RELATIVE,
+    response: str | PathLike = ASSUMED,
     draws: int | None = None,
     seed: int = 0,
     chain: str | PathLike | None = None,
@@ -76,6 +78,8 @@ def fit_atmosphere(
     - `exposure`: what is believed of stated exposures: "relative", those of one camera against each other; "free",
       nothing; or by how much the light that seconds, focal ratio and ISO tell may be wrong, in its logarithm. That is
       good to a factor of 2 (`eclipsejax.camera.LOONEY_11`), of processed files often not so.
+    - `response`: the camera's spectral sensitivities: a CSV table of wavelength [nm] and those of red, green and blue,
+      or a name that `eclipsejax.response.responses` knows; by default those of a Nikon D5100. Of all photographs.
     - `draws`: sample, with this many draws at most; 0 for Laplace's approximation alone; by default whatever the
       posterior needs.
     - `seed`: of the sampler: the same seed gives the same chain.
@@ -86,6 +90,7 @@ def fit_atmosphere(
     if (draws or 0) < 0 or seed < 0:
         raise InputError(f"There can be no {draws} draws or seed {seed}: give whole numbers from 0.")
     check_exposure(exposure)
+    response = checked_response(response)
     started = timer.perf_counter()
     if isinstance(photographs, str | PathLike):
         photographs = [photographs]
@@ -93,8 +98,8 @@ def fit_atmosphere(
         photographs, time=time, site=site, disc=disc, clock=clock, progress=lambda *a: progress(Progress(*a))
     )  # fmt: skip
     progress(Progress("fitting", 0, STAGES))
-    likelihood = prepare(evidence, exposure)
-    depends_on = identity(evidence, likelihood.parameters, disc, clock, exposure, seed)
+    likelihood = prepare(evidence, exposure, response)
+    depends_on = identity(evidence, likelihood.parameters, disc, clock, exposure, response, seed)
     file = None if chain is None else Path(chain)
     record = read_record(file, depends_on) if resume and file is not None and file.exists() else None
     if record is None:
@@ -112,8 +117,11 @@ def fit_atmosphere(
         progress=lambda stage, done, of: progress(Progress(stage, done, of)),
     )  # fmt: skip
     seconds = timer.perf_counter() - started
+    how = provenance(evidence, clock, exposure, response, seed)
     others = advice(evidence, likelihood, optimum) if further else None
-    return conclude(evidence, likelihood, optimum, found, others, clock, exposure, seed, seconds)
+    return conclude(
+        evidence, likelihood, optimum, found, how, {"further_photographs": others, "seconds": seconds}
+    )  # fmt: skip
 
 
 def conclude(
@@ -121,14 +129,11 @@ def conclude(
     likelihood: Likelihood,
     optimum: Optimum,
     found: Answer,
-    others: dict[str, Any] | None,
-    clock: float | str | None,
-    exposure: float | str,
-    seed: int,
-    seconds: float,
+    how: dict[str, Any],
+    more: dict[str, Any],
 ) -> Fit:
-    """Put everything that was found into a `Fit`."""
-    random = np.random.default_rng(seed)
+    """Put everything that was found into a `Fit`; `how` is its `provenance`, `more` are other diagnostics."""
+    random = np.random.default_rng(how["seed"])
     prior_draws = random.standard_normal((4000, LIMB))
     quantities, named, named_prior = estimates(likelihood, optimum, found, prior_draws)
     shown = random.choice(found.z.reshape(-1, LIMB), SHOWN)
@@ -149,12 +154,11 @@ def conclude(
         "misfit_checks": misfit_checks(likelihood, optimum),
         "information": information(optimum, likelihood.labels),
         "independent_errors": under_independent_errors(likelihood, optimum),
-        "further_photographs": others,
         "condition_number": float(np.linalg.cond(optimum.covariance)),
         "residual_rms": [photo.residual_rms for photo in photos],
         "cells": [int(photo.usable.any(axis=1).sum()) for photo in photos],
         **found.report,
-        "seconds": seconds,
+        **more,
     }
     return Fit(
         estimates=quantities,
@@ -163,6 +167,6 @@ def conclude(
         photos=photos,
         diagnostics=diagnostics,
         warnings=tuple(warnings_of(evidence, quantities, diagnostics)),
-        provenance=provenance(evidence, clock, exposure, seed),
+        provenance=how,
         log_posterior=found.log_posterior,
     )

@@ -56,7 +56,8 @@ def further_photographs(evidence: Sequence[Evidence], likelihood: Likelihood, op
         return []
     camera = SameCamera(evidence[several[0]], likelihood, optimum, several[0], blocks_of(len(several)))
     # One table for all: of two, with errors of their own, the difference would pass for knowledge.
-    shadow = shadow_of([*wheres, *(evidence[number].where for number in several)])
+    times = [*wheres, *(evidence[number].where for number in several)]
+    shadow = shadow_of(times, response=likelihood.shadow.response)
     light = shadow_slopes(shadow, jnp.asarray(optimum.z[:LIMB]))
     known = known_information(likelihood, optimum, several, camera, shadow, light)
     before = np.linalg.inv(known.matrix)[:LIMB, :LIMB]

@@ -14,6 +14,7 @@ from eclipsejax.sunlight import umbra_edge
 from eclipsejax.traced import slopes
 from eclipsejax.wavelengths import channel_weights
 from inverse import prior
+from inverse.camera_colours import ASSUMED
 from inverse.scattered_light import log_scattered
 from inverse.uneven_limb import washing
 
@@ -31,6 +32,8 @@ class Shadow(eqx.Module):
     """From the Earth's centre [m]."""
     washing: Float[Array, "offset offset"]
     """Smooths the log of the direct light over the table's entries, see `uneven_limb`."""
+    response: str = eqx.field(static=True, default=ASSUMED)
+    """Whose channels they are, as of `eclipsejax.response.responses`."""
 
     def __call__(self, limb: Float[Array, " parameter"]) -> ShadowTable:
         return self.table(log_light(limb, self))
@@ -60,19 +63,21 @@ def shadow_slopes(shadow: Shadow, limb: Float[Array, " parameter"]):
     return slopes(lambda limb: log_light(limb, shadow), list(limb), straight)
 
 
-def camera_weights(sun: Sun, moon: Moon):
-    """Wavelengths [nm] and weights (wavelength, 3) of the camera's channels, balanced to the uneclipsed Moon."""
-    wavelength, weights = channel_weights(sun, moon, "nikon_5100", WAVELENGTHS)
+def camera_weights(sun: Sun, moon: Moon, response: str = ASSUMED):
+    """Wavelengths [nm] and weights (wavelength, 3) of a camera's channels, balanced to the uneclipsed Moon."""
+    wavelength, weights = channel_weights(sun, moon, response, WAVELENGTHS)
     return wavelength, weights / weights.sum(axis=0)
 
 
-def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
+def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0, response: str = ASSUMED) -> Shadow:
     """The shadow over the discs of all photographs of one eclipse.
 
     - `clock_reach`: the discs are followed this long before and after their times [s].
+    - `response`: of the camera. The scattered light stays that of the Nikon D5100, which is that of other cameras with
+      filters before one layer of pixels to 3 %, of one's red to 12 %; in three layers, 4 to 22 %.
     """
     sun, moon = Sun(), Moon()
-    wavelength, weights = camera_weights(sun, moon)
+    wavelength, weights = camera_weights(sun, moon, response)
     ends_at = eqx.filter_jit(lambda where, dt: disc_offsets(where.after(dt)))
     ends = np.array(
         [ends_at(where, jnp.asarray(dt)) for where in geometries for dt in (-clock_reach, 0.0, clock_reach)]
@@ -86,4 +91,4 @@ def shadow_of(geometries: list[Geometry], clock_reach: float = 400.0) -> Shadow:
         tolerance=TOLERANCE, count=count, deep=False,
     )  # fmt: skip
     smooth = washing(np.asarray(prepared.grid.from_axis(moon_distance)))
-    return Shadow(prepared, moon_distance, jnp.asarray(smooth))
+    return Shadow(prepared, moon_distance, jnp.asarray(smooth), response)

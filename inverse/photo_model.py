@@ -15,11 +15,9 @@ from eclipsejax.scene import axis_offset, disc_points
 from eclipsejax.shadow_table import ShadowTable
 from eclipsejax.traced import real
 from inverse import prior
+from inverse.camera_colours import ASSUMED_MATRIX
 from inverse.cells import CELLS_PER_RADIUS, Cells
 
-# Nikon D5100 (NPL) to linear sRGB, rows sum to 1: least squares over the ISO 17321-1 chart in daylight, rms 0.010.
-# A stand-in for the matrix of whatever camera it was; `tone.saturation` says how much of it was applied.
-COLOUR_MATRIX = np.array([[1.7398, -0.6525, -0.0873], [-0.1553, 1.6422, -0.4869], [0.0592, -0.5461, 1.4870]])
 GLARE_SCALE = 0.15  # of the disc's radius: core of the wings (1 + r^2/a^2)^-1.5
 GLARE_POINTS_PER_RADIUS = 8
 WITHIN = 0.25 * np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0]])  # right and up, in sizes of a cell
@@ -99,6 +97,8 @@ class PhotoModel(eqx.Module):
     tint_width: Float[Array, ""]
     """Width of that prior."""
     floor: Float[Array, ""]
+    colours: Float[Array, "3 3"]
+    """From the camera's channels to linear sRGB; `tone.saturation` says how much of it was applied."""
     mirror: bool = eqx.field(static=True)
     tone_curve: str = eqx.field(static=True)
     clock_width: float = eqx.field(static=True)
@@ -145,6 +145,7 @@ class ProfileModel(eqx.Module):
     balance: Float[Array, "2"]
     tint_width: Float[Array, ""]
     floor: Float[Array, ""]
+    colours: Float[Array, "3 3"]
     tone_curve: str = eqx.field(static=True)
 
     @property
@@ -186,7 +187,7 @@ def with_veil(light, around, nuisance):
 def developed(model, light, nuisance):
     """Light (point, 3) in the camera's channels after exposure, white balance, colour matrix and picture style.
 
-    - `model`: its gain and balance with their widths, primaries and kind of tone curve.
+    - `model`: its gain and balance with their widths, primaries, colours and kind of tone curve.
     """
     red, blue = (
         nuisance[f"white_balance.{name}"] + centre + model.tint_width * nuisance[f"tint.{name}"]
@@ -197,7 +198,7 @@ def developed(model, light, nuisance):
     exposed = light * jnp.exp(exposure + balance)
     if model.tone_curve == "linear":
         return exposed
-    lit = exposed @ (model.primaries @ colour_matrix(nuisance)).T - nuisance["tone.black"]
+    lit = exposed @ (model.primaries @ colour_matrix(model.colours, nuisance)).T - nuisance["tone.black"]
     # Deep red turns green and blue negative; cameras clip there, and we round the corner: below one the light would
     # have no slope.
     corner = jnp.hypot(CORNER * jnp.mean(exposed, axis=-1, keepdims=True), BLACK_CORNER)
@@ -206,8 +207,11 @@ def developed(model, light, nuisance):
     return tone_curve(positive, Camera(exposure=Exposure(), tone=style))
 
 
-def colour_matrix(nuisance) -> Float[Array, "3 3"]:
-    """From the camera's channels to linear sRGB; rows sum to 1, so that white stays white."""
+def colour_matrix(colours, nuisance) -> Float[Array, "3 3"]:
+    """From the camera's channels to linear sRGB; rows sum to 1, so that white stays white.
+
+    - `colours`: that of its sensitivities.
+    """
     identity, zero = jnp.eye(3), jnp.zeros(())
     red_green, red_blue, green_red, green_blue, blue_red, blue_green = (
         nuisance[f"matrix.{name}"]
@@ -215,7 +219,7 @@ def colour_matrix(nuisance) -> Float[Array, "3 3"]:
     )
     own = jnp.array([[zero, red_green, red_blue], [green_red, zero, green_blue], [blue_red, blue_green, zero]])
     own = own - jnp.diag(own.sum(axis=1))
-    return identity + nuisance["tone.saturation"] * (jnp.asarray(COLOUR_MATRIX) - identity) + own
+    return identity + nuisance["tone.saturation"] * (colours - identity) + own
 
 
 def photo_model(
@@ -242,6 +246,7 @@ def photo_model(
         balance=jnp.zeros(2),
         tint_width=real(TINT),
         floor=real(floor),
+        colours=jnp.asarray(ASSUMED_MATRIX),
         mirror=registration.mirror,
         tone_curve=photo.tone_curve,
         clock_width=clock_width,
@@ -261,6 +266,7 @@ def profile_model(profile, where: Geometry, floor: float) -> ProfileModel:
         balance=jnp.zeros(2),
         tint_width=real(TINT),
         floor=real(floor),
+        colours=jnp.asarray(ASSUMED_MATRIX),
         tone_curve=profile.tone_curve,
     )
 

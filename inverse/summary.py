@@ -151,7 +151,7 @@ def warnings_of(evidence, found, diagnostics) -> list[str]:
     return sentences
 
 
-def provenance(evidence, clock: float | str | None, exposure: float | str, seed: int) -> dict:
+def provenance(evidence, clock: float | str | None, exposure: float | str, response: str, seed: int) -> dict:
     """What it takes to do it again."""
     return {
         "eclipsejax": version("eclipsejax"),
@@ -161,6 +161,7 @@ def provenance(evidence, clock: float | str | None, exposure: float | str, seed:
         "seed": seed,
         "clock": clock,
         "exposure": exposure,
+        "response": response,
         "photographs": [
             {
                 "name": Path(item.photo.path).name,

@@ -9,6 +9,7 @@ import pytest
 
 from inverse import prior
 from inverse.assumed_camera import LEAST, response
+from inverse.camera_colours import ASSUMED_MATRIX
 from inverse.photo_model import developed
 
 
@@ -21,6 +22,7 @@ class OneCamera(eqx.Module):
     tint_width: jnp.ndarray
     primaries: jnp.ndarray
     floor: jnp.ndarray
+    colours: jnp.ndarray
     tone_curve: str = eqx.field(static=True)
 
     @property
@@ -30,8 +32,9 @@ class OneCamera(eqx.Module):
 
 def camera(tone_curve="srgb"):
     return OneCamera(
-        jnp.asarray(1.7), jnp.asarray(3.0), jnp.zeros(2), jnp.asarray(0.03), jnp.eye(3), jnp.asarray(0.002), tone_curve
-    )
+        jnp.asarray(1.7), jnp.asarray(3.0), jnp.zeros(2), jnp.asarray(0.03), jnp.eye(3), jnp.asarray(0.002),
+        jnp.asarray(ASSUMED_MATRIX), tone_curve,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

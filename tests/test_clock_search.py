@@ -173,8 +173,8 @@ def test_a_profile_has_no_clock():
 
 
 def test_the_option_is_part_of_what_a_chain_is_of():
-    assert identity([], (), None, 600.0, "relative", 1)["clock"] == 600.0
-    assert identity([], (), None, "unknown", "free", 1) != identity([], (), None, None, "free", 1)
+    of = lambda clock: identity([], (), None, clock, "relative", "nikon_5100", 1)
+    assert of(600.0)["clock"] == 600.0 and of("unknown") != of(None)
 
 
 def test_the_prior_of_a_clock_is_as_wide_as_was_said():

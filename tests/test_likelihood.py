@@ -15,13 +15,14 @@ from eclipsejax.moon import Moon
 from eclipsejax.shadow_operator import shadow_operator
 from eclipsejax.sun import Sun
 from inverse import assumed_camera, prior
+from inverse.camera_colours import ASSUMED_MATRIX
 from inverse.evidence import gather, prepare
 from inverse.likelihood import LIMB, places, response
 from inverse.limb_light import shadow_light, shadow_of
 from inverse.map_estimate import quadratic
 from inverse.noise import Bending
 from inverse.observed import LEAST_ERROR
-from inverse.photo_model import COLOUR_MATRIX, Disc, developed, log_value, signal
+from inverse.photo_model import Disc, developed, log_value, signal
 from tests import synthetic
 
 
@@ -57,7 +58,7 @@ def nuisances(**given):
 def camera(tone_curve, gain=0.0, width=0.0, balance=(0.0, 0.0), tint_width=0.0):
     return SimpleNamespace(
         tone_curve=tone_curve, gain=gain, exposure_width=width, balance=jnp.asarray(balance), tint_width=tint_width,
-        primaries=jnp.eye(3),
+        primaries=jnp.eye(3), colours=jnp.asarray(ASSUMED_MATRIX),
     )  # fmt: skip
 
 
@@ -79,7 +80,7 @@ def test_white_stays_white_and_deep_red_stays_positive():
     neutral = nuisances(tone_exponent=1.0, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=1.0, matrix_red_green=0.1)
     white = np.asarray(developed(camera("srgb"), jnp.full((1, 3), 0.4), neutral))[0]
     assert white == pytest.approx(np.full(3, 0.4), rel=2e-3)
-    assert COLOUR_MATRIX.sum(axis=1) == pytest.approx(1.0, abs=1e-3)
+    assert ASSUMED_MATRIX.sum(axis=1) == pytest.approx(1.0, abs=1e-3)
     red = lambda x: developed(camera("srgb"), jnp.asarray([[x, 0.01, 0.001]]), neutral)
     assert np.all(np.asarray(red(0.5)) > 0)
     assert np.all(np.isfinite(np.asarray(jax.jacfwd(red)(0.5))))
@@ -97,7 +98,7 @@ def test_what_a_camera_clips_is_black_even_where_its_black_is_too_bright():
     # Where blue is below nothing by more than a black taken too low adds, the file holds 0.
     low = nuisances(tone_black=-0.005, tone_exponent=1.0, tone_toe=0.0, tone_shoulder=0.0, tone_saturation=1.0)
     for light, mixed in (([0.5, 0.01, 0.001], 0.0256), ([0.02, 0.04, 0.001], -0.0192)):
-        assert COLOUR_MATRIX[2] @ light == pytest.approx(mixed, abs=1e-4)
+        assert ASSUMED_MATRIX[2] @ light == pytest.approx(mixed, abs=1e-4)
         blue = developed(camera("srgb"), jnp.asarray([light]), low)[0, 2]
         assert blue == pytest.approx(max(mixed + 0.005, 0.0), abs=2e-4)
 

@@ -11,7 +11,7 @@ from inverse.progress_bars import Bars
 
 SHOWN = 20  # sentences on what failed
 MOST_SECONDS = 7200.0  # sampling takes a quarter of an hour
-EXCLUDED = ("time", "clock", "exposure", "resume", "demo")
+EXCLUDED = ("time", "clock", "exposure", "response", "resume", "demo")
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:

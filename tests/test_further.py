@@ -137,6 +137,7 @@ def test_all_of_an_eclipse(asked, monkeypatch):
     assert "would tell much more of the dust" in in_words({**said, "best_for_dust": [little]})
 
 
+@pytest.mark.slow
 def test_an_exposure_that_is_known_tells_what_the_full_moon_would(asked):
     """Of the dust, which darkens as a shorter exposure does."""
     photo = replace(asked.item.photo, f_number=8.0)
@@ -147,7 +148,6 @@ def test_an_exposure_that_is_known_tells_what_the_full_moon_would(asked):
     assert {one.name: one.width for one in likelihood.parameters}["gain"] == 0.25
     z = np.zeros(len(likelihood.parameters))
     left = deviations(quadratic(likelihood.carried(z), z).information) / deviations(asked.optimum.information)
-    print(left)
     assert left[0] < 0.75
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+SLOW = ("photographs_2015",)  # a minute, of what the others show as well but for the photographs beside it
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 # Cells are run as a plain program: all that a notebook of ours needs of Jupyter is the showing of pictures.
 RUN = """
@@ -33,7 +34,10 @@ def test_notebook_is_committed_without_outputs(notebook):
         assert cell["cell_type"] == "markdown" or (not cell["outputs"] and cell["execution_count"] is None)
 
 
-@each
+@pytest.mark.parametrize(
+    "notebook",
+    [pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW else (), id=path.stem) for path in NOTEBOOKS],
+)
 def test_notebook_runs(notebook):
     done = subprocess.run(
         [sys.executable, "-c", RUN, str(notebook)], cwd=ROOT, capture_output=True, text=True, timeout=180,

@@ -156,9 +156,9 @@ def bounds(clocks: Sequence[Clock], eclipse: Eclipse, width: float | None, name:
     start, greatest, end = (
         read_clock(text) for text in (eclipse.contacts["P1"], eclipse.greatest, eclipse.contacts["P4"])
     )
-    since = [_since(clock, start) for clock in clocks]
-    first, last = -min(since), _since(end, start) - max(since)
-    if abs(_since(clocks[0], greatest)) > OF_ANOTHER_NIGHT * SECONDS_PER_DAY:
+    since = [seconds_since(clock, start) for clock in clocks]
+    first, last = -min(since), seconds_since(end, start) - max(since)
+    if abs(seconds_since(clocks[0], greatest)) > OF_ANOTHER_NIGHT * SECONDS_PER_DAY:
         raise InputError(
             f"{name} is dated {write_clock(clocks[0])[:10]}, and the nearest eclipse was greatest at "
             f"{eclipse.greatest}: give the date of the eclipse, such as --time {eclipse.greatest[:10]}."
@@ -166,7 +166,7 @@ def bounds(clocks: Sequence[Clock], eclipse: Eclipse, width: float | None, name:
     if first > last:
         raise InputError(
             f"The photographs were taken over {in_words(max(since) - min(since))}, and the eclipse of "
-            f"{eclipse.greatest[:10]} lasted {in_words(_since(end, start))}: leave out those that are not of it."
+            f"{eclipse.greatest[:10]} lasted {in_words(seconds_since(end, start))}: leave out those that are not of it."
         )
     if width is not None:
         first, last = max(first, -3.0 * width), min(last, 3.0 * width)
@@ -214,5 +214,6 @@ def in_words(seconds: float) -> str:
     return " ".join(part for part in (f"{hours} h" if hours else "", f"{minutes} min" if minutes else "") if part)
 
 
-def _since(clock: Clock, start: Clock) -> float:
+def seconds_since(clock: Clock, start: Clock) -> float:
+    """From one time to another [s]."""
     return (clock.day - start.day) * SECONDS_PER_DAY + clock.second - start.second

@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.almanac import nearest_eclipse
-from eclipsejax.calendar import Clock, read_clock, write_clock
+from eclipsejax.calendar import read_clock
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
 from inverse.blocked import Blocks, Information, blocked
+from inverse.clock_search import later, seconds_since
 from inverse.evidence import Evidence
 from inverse.likelihood import LIMB, Likelihood
 from inverse.limb_light import Shadow, shadow_of, shadow_slopes
@@ -94,8 +95,7 @@ def moments(item: Evidence) -> list[Geometry]:
     """The eclipse at `TIMES`, as far as the Moon is up."""
     contacts = nearest_eclipse(item.where.utc).contacts
     first, last = (read_clock(contacts[name]) for name in ("P1", "P4"))
-    length = 86400.0 * (last.day - first.day) + last.second - first.second
-    times = [write_clock(Clock(first.day, first.second + part * length), 0) for part in np.linspace(0.0, 1.0, TIMES)]
+    times = [later(first, seconds, 0) for seconds in np.linspace(0.0, seconds_since(last, first), TIMES).tolist()]
     wheres = [geometry(utc, *(item.site or ())) for utc in times]
     return [where for where in wheres if float(moon_altitude(where)) > HEIGHT]
 

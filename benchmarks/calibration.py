@@ -4,6 +4,7 @@
     python -m benchmarks.calibration --count 60 --draws 0     # Laplace's Gaussian alone
     python -m benchmarks.calibration --count 100 --draws 256000    # the ensembles on every one of them
     python -m benchmarks.calibration --first 100 --count 60 --minutes 30    # some of them, if there is time
+    python -m benchmarks.calibration --rows rows.jsonl --minutes 120    # goes on with what another machine has done
 
 The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
 it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
@@ -122,6 +123,25 @@ def run(
     return [rows[number] for number in sorted(rows)]
 
 
+def unpack(packed: Path, folder: Path) -> None:
+    """Put the rows of one file, if there is such a file, among those that are kept in a folder."""
+    from inverse.archive.rows import read_row, write_row
+
+    (folder / "rows").mkdir(parents=True, exist_ok=True)
+    for line in packed.read_text().splitlines() if packed.exists() else ():
+        row = json.loads(line)
+        if read_row(folder, row["key"]) is None:
+            write_row(folder, row)
+
+
+def pack(rows: list[dict], packed: Path) -> None:
+    """Put rows into one file, a line each and six digits of every number: it can be carried to another machine."""
+    from inverse.archive.rows import write_whole
+
+    short = json.loads(json.dumps(rows), parse_float=lambda digits: float(f"{float(digits):.6g}"))
+    write_whole(packed, "".join(json.dumps(row) + "\n" for row in short).encode())
+
+
 def _in_time(until: float, fitted, *of_what) -> dict | None:
     """The row; None where it is too late to begin."""
     return fitted(*of_what) if time.time() < until else None
@@ -188,9 +208,14 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="after which none is begun")
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
+    parser.add_argument("--rows", type=Path, metavar="FILE", help="holds rows, too: those are not done again")
     options = parser.parse_args()
     numbers = range(options.first, options.first + options.count)
+    if options.rows:
+        unpack(options.rows, options.out)
     rows = run(numbers, options.draws, options.workers, options.out, minutes=options.minutes)
+    if options.rows:
+        pack(rows, options.rows)
     if all("error" in row for row in rows):
         print(f"Of {options.count} photographs {len(rows)} were begun in time, and none could be fitted.")
         return 1

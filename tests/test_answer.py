@@ -13,7 +13,7 @@ import pytest
 from eclipsejax.errors import InputError
 from inverse import answer as module
 from inverse import prior
-from inverse.answer import answer, beginning, begun, by_ensemble
+from inverse.answer import answer, beginning, begun, by_ensemble, identity
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
@@ -154,6 +154,17 @@ def test_a_chain_goes_on_only_under_the_density_it_was_drawn_from(asked):
     with pytest.raises(InputError, match="no longer the one") as refused:
         asked(about(DUSTY, 1.01 * COVARIANCE), DUSTY, COVARIANCE, draws=draws_of(30, SIZE), before=found.chain)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("what", "other"),
+    [("disc", 1), ("clock", 600.0), ("clock", "unknown"), ("exposure", "free"), ("exposure", 0.25),
+     ("response", "sigma_sdmerill"), ("seed", 2), ("parameters", prior.ATMOSPHERE[:1])],
+)  # fmt: skip
+def test_all_that_is_chosen_is_part_of_what_a_chain_is_of(what, other):
+    chosen = {"evidence": [], "parameters": (), "disc": None, "clock": None, "exposure": "relative",
+              "response": "nikon_5100", "seed": 1}  # fmt: skip
+    assert identity(**chosen) != identity(**chosen | {what: other})
 
 
 def test_chains_are_sorted_by_ensemble(asked):

@@ -17,7 +17,6 @@ from eclipsejax.errors import InputError
 from eclipsejax.moon import Moon
 from eclipsejax.scene import axis_offset, disc_points
 from inverse import cli, clock_search, prior
-from inverse.answer import identity
 from inverse.catalogue import data_file
 from inverse.clock_search import Correction, bounds, check_sure, correction, in_words, later
 from inverse.disc_search import Circle
@@ -170,11 +169,6 @@ def test_one_clock_is_searched_at_a_time():
 def test_a_profile_has_no_clock():
     with pytest.raises(InputError, match="a profile holds distances"):
         gather([data_file(cli.DEMO_PROFILE)], time=None, site=None, disc=None, clock=600.0, progress=lambda *_: None)
-
-
-def test_the_option_is_part_of_what_a_chain_is_of():
-    of = lambda clock: identity([], (), None, clock, "relative", "nikon_5100", 1)
-    assert of(600.0)["clock"] == 600.0 and of("unknown") != of(None)
 
 
 def test_the_prior_of_a_clock_is_as_wide_as_was_said():

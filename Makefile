@@ -45,7 +45,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.picture
 
 calibration: $(READY)
-	$(BIN)/python -m benchmarks.calibration
+	$(BIN)/python -m benchmarks.calibration --rows benchmarks/results/calibration-rows.jsonl
 
 # Not the first hundred, which were looked at while the fit was made.
 calibration-60: $(READY)

@@ -208,7 +208,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="after which none is begun")
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"of the rows; default {OUT}")
-    parser.add_argument("--rows", type=Path, metavar="FILE", help="holds rows, too: those are not done again")
+    parser.add_argument("--rows", type=Path, metavar="FILE", help="of rows done before, written anew at the end")
     options = parser.parse_args()
     numbers = range(options.first, options.first + options.count)
     if options.rows:

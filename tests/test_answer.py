@@ -159,12 +159,18 @@ def test_a_chain_goes_on_only_under_the_density_it_was_drawn_from(asked):
 @pytest.mark.parametrize(
     ("what", "other"),
     [("disc", 1), ("clock", 600.0), ("clock", "unknown"), ("exposure", "free"), ("exposure", 0.25),
-     ("response", "sigma_sdmerill"), ("seed", 2), ("parameters", prior.ATMOSPHERE[:1])],
+     ("response", "sigma_sdmerill"), ("seed", 2)],
 )  # fmt: skip
 def test_all_that_is_chosen_is_part_of_what_a_chain_is_of(what, other):
-    chosen = {"evidence": [], "parameters": (), "disc": None, "clock": None, "exposure": "relative",
-              "response": "nikon_5100", "seed": 1}  # fmt: skip
-    assert identity(**chosen) != identity(**chosen | {what: other})
+    chosen = {"disc": None, "clock": None, "exposure": "relative", "response": "nikon_5100", "seed": 1}
+    one, changed = (identity([], (), **with_it) for with_it in (chosen, chosen | {what: other}))
+    assert [name for name in one if one[name] != changed[name]] == [what]
+
+
+def test_a_chain_is_of_its_priors_and_of_the_clock_that_was_said():
+    one = identity([], prior.ATMOSPHERE[:1], None, 600.0, "relative", "nikon_5100", 1)
+    assert one["clock"] == 600.0
+    assert one["priors"] != identity([], (), None, 600.0, "relative", "nikon_5100", 1)["priors"]
 
 
 def test_chains_are_sorted_by_ensemble(asked):

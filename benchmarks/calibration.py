@@ -225,12 +225,18 @@ def main() -> int:
     folder = RESULTS if whole else options.out
     (folder / f"calibration-{found['photographs']}{draws}.json").write_text(json.dumps(found, indent=1) + "\n")
     print(f"{found['photographs']} photographs, {found['not fitted']} of them not fitted")
+    for row in rows:
+        if "error" in row:
+            print(f"{row['number']}: {row['error']}")
     for quantity, one in found["quantities"].items():
         shares = ", ".join(
             f"{level} %: {one[level]['share']:.1%} ({one[level]['band'][0]:.1%}-{one[level]['band'][1]:.1%})"
             for level in ("68", "95")
         )
         print(f"{quantity:<26}{shares}, ranks {'inside' if one['ranks']['inside'] else 'outside'}")
+    for method, many in found["methods"].items():
+        seconds = [row["seconds"] for row in rows if row.get("method") == method]
+        print(f"{method:<26}{many} photographs, {np.median(seconds):.0f} s in the median, {max(seconds):.0f} s at most")
     for about, one in found["optical depth"].items():
         if one["photographs"]:
             print(

@@ -7,6 +7,7 @@ second photograph leaves of the ozone's, seen in what is nearly black, to 35 % (
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import jax.numpy as jnp
 import numpy as np
@@ -54,6 +55,26 @@ class Blocks:
         return total / (count[:, :, None] * count[:, None])
 
 
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Blocks of the disc, where it is at some time; `places`: of the cells that stand for them."""
+
+    blocks: Blocks
+    places: Places
+
+    @classmethod
+    def of(cls, blocks: Blocks, model: PhotoModel) -> "Placed":
+        """As the model has it."""
+        places, seen = places_of(model), blocks.seen
+        return cls(blocks, Places(places.disc[seen], places.shadow[seen], places.on_disc[seen]))
+
+
+@lru_cache(maxsize=64)  # exposures of one time have the same: half of the work of comparing them
+def _between(kernel: Kernel, one: Placed, other: Placed) -> np.ndarray:
+    """A covariance of cells, of the means over blocks of two photographs (block, block)."""
+    return one.blocks.weights @ centred(kernel(one.places, other.places)) @ other.blocks.weights.T
+
+
 @dataclass(frozen=True)
 class Blocked:
     """Means of the log values of one photograph, over blocks and for each channel.
@@ -62,15 +83,14 @@ class Blocked:
     - `by_light`: of the means by those of the log light, of all channels together, then of each (datum, 4 x block).
     - `alone`: covariance of their own errors, which are not of limb or map (datum, datum).
     - `sizes`: amplitudes of the smooth, chromatic and uneven errors of the light.
-    - `places`, `weights`: where these are: places, and their weights in each block (block, place).
+    - `placed`: its blocks.
     """
 
     slopes: np.ndarray
     by_light: np.ndarray
     alone: np.ndarray
     sizes: np.ndarray
-    places: Places
-    weights: np.ndarray
+    placed: Placed
 
     @property
     def covariance(self) -> np.ndarray:
@@ -82,17 +102,15 @@ class Blocked:
         return self._of_light(other, SHARED)
 
     def _of_light(self, other: "Blocked", shared: float) -> np.ndarray:
-        def between(kernel: Kernel) -> np.ndarray:
-            return self.weights @ centred(kernel(self.places, other.places)) @ other.weights.T
-
         smooth, chromatic, uneven = self.sizes * other.sizes
-        over_disc, broad = shared * between(covariance), uneven * between(unevenness)
+        over_disc = shared * _between(covariance, self.placed, other.placed)
+        broad = uneven * _between(unevenness, self.placed, other.placed)
         apart = chromatic * over_disc + noise.COLOURED**2 * broad
         return self.by_light @ block_diag(smooth * over_disc + broad, apart, apart, apart) @ other.by_light.T
 
 
 def blocked(
-    model: PhotoModel, sources: noise.Sources, sizes: noise.Errors, z: Float[Array, " nuisance"], blocks: Blocks,
+    model: PhotoModel, sources: noise.Sources, sizes: noise.Errors, z: Float[Array, " nuisance"], placed: Placed,
     shadow: Shadow, light, slopes,
 ) -> Blocked:  # fmt: skip
     """A photograph by blocks, as the model has it.
@@ -101,7 +119,7 @@ def blocked(
     - `sizes`: errors whose `sizes` those of the light have.
     - `light`, `slopes`: of the shadow's table, as `limb_light.shadow_slopes` gives them.
     """
-    cells = len(sources.on_disc)
+    cells, blocks = len(sources.on_disc), placed.blocks
     amplitudes = (jnp.asarray(size) for size in sources.sizes(*sizes.sizes[1:]))
     value, by_light, *bending = map(np.asarray, response(model, shadow.table(light), z, *amplitudes))
     position = np.stack([model.cells.right, model.cells.up], axis=1)
@@ -119,11 +137,9 @@ def blocked(
     by_block = answer[..., None] * np.eye(len(answer))[:, None, None, :-1]
     modes = means(errors.modes * errors.amplitudes).reshape(shown.size, -1)
     alone = block_diag(*blocks.covariances(sizes.independent**2 * errors.cells, usable)) + modes @ modes.T
-    places, seen = places_of(model), blocks.seen
     return Blocked(
         means(np.asarray(by)).reshape(shown.size, -1)[shown], by_block.reshape(shown.size, -1)[shown],
-        alone[np.ix_(shown, shown)], sizes.sizes[1:],
-        Places(places.disc[seen], places.shadow[seen], places.on_disc[seen]), blocks.weights,
+        alone[np.ix_(shown, shown)], sizes.sizes[1:], placed,
     )  # fmt: skip
 
 

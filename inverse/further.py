@@ -15,7 +15,7 @@ import numpy as np
 from eclipsejax.almanac import nearest_eclipse
 from eclipsejax.calendar import read_clock
 from eclipsejax.ephemeris import Geometry, geometry, moon_altitude
-from inverse.blocked import Blocks, Information, blocked
+from inverse.blocked import Blocks, Information, Placed, blocked
 from inverse.clock_search import later, seconds_since
 from inverse.evidence import Evidence
 from inverse.likelihood import LIMB, Likelihood
@@ -82,7 +82,8 @@ def known_information(
     for number in several:
         model, z = likelihood.models[number], jnp.asarray(optimum.z[likelihood.places[number]])
         errors = likelihood.sources[number], likelihood.errors[number]
-        found.append(blocked(model, *errors, z, Blocks(model, blocks_of(len(several))), shadow, *light))
+        placed = Placed.of(Blocks(model, blocks_of(len(several))), model)
+        found.append(blocked(model, *errors, z, placed, shadow, *light))
     return Information(found, [likelihood.columns(number) for number in several], camera.count)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from eclipsejax.ephemeris import Geometry
 from inverse import noise, prior
-from inverse.blocked import Blocked, Blocks, blocked
+from inverse.blocked import Blocked, Blocks, Placed, blocked
 from inverse.evidence import Evidence
 from inverse.exposures import FREE_TINT, STATED
 from inverse.likelihood import LIMB, Likelihood
@@ -54,6 +54,7 @@ class SameCamera:
         - `light`, `slopes`: of the shadow's table, as `limb_light.shadow_slopes` gives them.
         """
         model = eqx.tree_at(lambda model: model.geometry, self.model, where)
+        placed = Placed.of(self.blocks, model)
         values = np.asarray(_developed(model, shadow.table(light), self.z, jnp.asarray(STOPS)))
         for stops, value in zip(STOPS.tolist(), values, strict=True):
             usable = (value > DARKEST) & (value < BRIGHTEST)
@@ -64,7 +65,7 @@ class SameCamera:
                 noise=np.interp(value, *self.noise) / (value + self.sources.floor),
             )  # fmt: skip
             longer = eqx.tree_at(lambda model: model.gain, model, model.gain + stops * np.log(2.0))
-            yield stops, blocked(longer, sources, self.errors, self.z, self.blocks, shadow, light, slopes)
+            yield stops, blocked(longer, sources, self.errors, self.z, placed, shadow, light, slopes)
 
 
 def _noise(value: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

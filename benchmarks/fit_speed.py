@@ -29,7 +29,7 @@ from inverse.optimum import best
 from inverse.posterior import LimbPosterior
 
 BATCH, REPEATS = 64, 5  # log posteriors at once, and how often
-ENDS = {"fitting": "optimum", "weighing": "posterior", "interpolating": "posterior", "sampling": "posterior"}
+ENDS = {"fitting": "optimum", "weighing": "posterior", "sampling": "posterior"}
 
 
 def main() -> None:

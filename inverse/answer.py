@@ -6,6 +6,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from scipy.special import softmax
 
 from eclipsejax.errors import InputError
 from inverse.camera_colours import colour_matrix_of
@@ -16,26 +17,26 @@ from inverse.error_size import ErrorSize
 from inverse.importance import Importance, importance
 from inverse.likelihood import LIMB, Likelihood
 from inverse.map_estimate import Optimum
-from inverse.mixture import fitted
+from inverse.mixture import Mixture, fitted
 from inverse.posterior import LimbPosterior
 from inverse.ridge import BESIDE
-from inverse.surrogate import interpolated
 
 FITTED = ("independent", "smooth", "chromatic", "uneven", "outlying")  # of the `Errors`
 OTHERS, END = ("rivals", "ridge"), ("z", "cost", "information")  # of an `Optimum`, and what is asked for of them
 MOST_DRAWS = 256_000
 LAPLACE_DRAWS = 400
+LEAPT = 1.0  # k-hat below which weights have a mean: walkers leap to draws like the weighed ones
 
 
 @dataclass(frozen=True)
 class Answer:
     """Draws of the limb's parameters, and how they came about.
 
-    - `method`: "laplace", "laplace+psis", "emcee+psis" (on a surrogate, weighed by the posterior) or "emcee".
+    - `method`: "laplace", "laplace+psis" or "emcee".
     - `z`: (chain, draw, parameter), burn-in removed; the walkers of one ensemble follow each other.
     - `log_posterior`: (chain, draw); None for Laplace's Gaussian.
     - `weighed`: the importance sampling; None for Laplace's Gaussian alone.
-    - `chain`, `diagnosis`: of the ensembles, where they were needed; by "emcee+psis" those of the surrogate.
+    - `chain`, `diagnosis`: of the ensembles, where they were needed.
     - `evaluated`, `not_finite`: points at which the posterior was asked for, and at which it was no finite number and
       taken as zero. A chain that is gone on with counts its own run alone.
     """
@@ -70,7 +71,7 @@ class Answer:
                 "r_hat": _finite(self.diagnosis.r_hat),
                 "ess_bulk": self.diagnosis.ess_bulk,
                 "ess_tail": self.diagnosis.ess_tail,
-                "converged": self.diagnosis.agreed if self.method == "emcee+psis" else self.diagnosis.converged,
+                "converged": self.diagnosis.converged,
                 "unmet": list(self.diagnosis.unmet),
             }
         return found
@@ -90,21 +91,29 @@ def answer(
 
     Importance sampling, from Laplace's Gaussians of the optima and along the `ridge` on (`inverse.importance`), where
     k-hat comes below 0.7: of a posterior that is one-sided, beside zero dust, its proposals know the prior's side as
-    well. From its draws the posterior learns the nuisances' room, whatever comes after. Then ensembles on a surrogate
-    (`inverse.surrogate`), which knows one peak; and on the posterior itself, from all its peaks, where there are
-    several, where the surrogate fails, or draws were asked for; with leaps to draws like the weighed ones, if those can
-    be trusted.
+    well. From its draws the posterior learns the nuisances' room, whatever comes after. Then ensembles, from all peaks;
+    where k-hat is below 1, with leaps to draws like the weighed ones, among which they choose as exactly as among any.
 
     - `draws`, `seed`: those of `fit_atmosphere`.
     - `before`: a chain to go on with.
     - `keep`, `progress`: called with the chain so far; with stage, what is done, and of how much.
     """
     if draws == 0:
-        laplace = ErrorSize(optimum).laplace
-        return Answer("laplace", laplace.draw(LAPLACE_DRAWS, np.random.default_rng(seed))[None])
+        return Answer("laplace", gaussians(optimum).draw(LAPLACE_DRAWS, np.random.default_rng(seed))[None])
     density = LimbPosterior(likelihood, optimum)
     found = _drawn(density, optimum, draws, seed, before, keep, progress)
     return replace(found, evaluated=density.evaluated, not_finite=density.not_finite)
+
+
+def gaussians(optimum: Optimum) -> Mixture:
+    """Laplace's, of an optimum and its rivals, in the shares of their masses, and of every size of the errors."""
+    ends = (optimum, *optimum.rivals)
+    each = [ErrorSize(end).laplace for end in ends]
+    shares = softmax([end.log_mass for end in ends])
+    return Mixture(
+        np.concatenate([share * one.shares for share, one in zip(shares, each, strict=True)]),
+        tuple(bell for one in each for bell in one.bells), np.inf,
+    )  # fmt: skip
 
 
 def _drawn(
@@ -118,20 +127,12 @@ def _drawn(
     )  # fmt: skip
     if before is not None:
         check_same_density(density, before)
-    elif draws is None:
-        if weighed.trusted:
-            return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
-        if not optimum.rivals:
-            found = interpolated(
-                density, optimum.limb, seed=seed, report=lambda done, most: progress("interpolating", done, most)
-            )
-            if found.trusted:
-                z, value = found.weighed.z[None], found.weighed.log_posterior[None]
-                return Answer("emcee+psis", z, value, found.weighed, found.chain, found.diagnosis)
+    elif draws is None and weighed.trusted:
+        return Answer("laplace+psis", weighed.z[None], weighed.log_posterior[None], weighed)
     proposal = None
-    if weighed.trusted:
-        alike = np.full(len(weighed.z), 1.0 / len(weighed.z))
-        proposal = fitted(weighed.z, alike, bells, np.random.default_rng(seed))
+    if weighed.k_hat < LEAPT:
+        z, times = np.unique(weighed.z, axis=0, return_counts=True)
+        proposal = fitted(z, times / times.sum(), bells, np.random.default_rng(seed))
     chain = sample(
         density, peaks, draws=draws or MOST_DRAWS, seed=seed, proposal=proposal, chain=before, keep=keep,
         report=lambda done, most: progress("sampling", done, most),

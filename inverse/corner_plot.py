@@ -14,7 +14,6 @@ POSTERIOR, PRIOR, TRUTH = "#0072b2", "#e69f00", "#000000"  # Okabe & Ito's palet
 METHODS = {
     "laplace": "Laplace's approximation only, nothing was sampled.",
     "laplace+psis": "Laplace's approximation with importance weights.",
-    "emcee+psis": "Sampled on a surrogate, with importance weights.",
     "emcee": "Sampled.",
 }
 

@@ -101,11 +101,6 @@ class Diagnosis:
         """Whether every criterion is met."""
         return not self.unmet
 
-    @property
-    def agreed(self) -> bool:
-        """Whether the ensembles agree with each other, and hold enough effective samples."""
-        return self.r_hat <= LARGEST_R_HAT and min(self.ess_bulk, self.ess_tail) >= LEAST_SAMPLES
-
 
 def long_enough(z: np.ndarray) -> bool:
     """Whether a chain may meet the criterion of length: the quickest to look at."""

@@ -56,17 +56,19 @@ class LimbPosterior:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
+        value = self.sizes.log_density(z, self.squares(z))
+        value = np.where(np.isfinite(value), value + self.room(z), -np.inf)
+        with self.counting:
+            self.evaluated += value.size
+            self.not_finite += int(np.sum(~np.isfinite(value)))
+        return value
+
+    def squares(self, z: np.ndarray) -> np.ndarray:
+        """Sums of the squared whitened misfits and nuisances, which are at their best (draw,)."""
         squares = np.empty(len(z))
         for which, found in self._parts(z, Surroundings.squares):
             squares[which] = found
-        value = self.log_density(z, squares)
-        self._count(value)
-        return value
-
-    def log_density(self, z: np.ndarray, squares: np.ndarray) -> np.ndarray:
-        """The same of points with these squares of their `misfits` (draw,)."""
-        value = self.sizes.log_density(z, squares)
-        return np.where(np.isfinite(value), value + self.room(z), -np.inf)
+        return squares
 
     def learn(self, z: np.ndarray) -> Room:
         """What log densities have more from now on: the nuisances' room, learnt once from draws (draw, parameter)."""
@@ -75,18 +77,6 @@ class LimbPosterior:
         volumes = list(side_by_side(partial(log_volume, self.likelihood), list(whole)))
         self.room = Room.through(whole[:, :LIMB], np.array(volumes))
         return self.room
-
-    def misfits(self, z: np.ndarray) -> np.ndarray:
-        """Whitened misfits and the nuisances (draw, datum), whose squares make the `log_density`."""
-        places, rows = zip(*self._parts(z, Surroundings.misfits), strict=True)
-        found = np.concatenate(rows)[np.argsort(np.concatenate(places))]
-        self._count(np.sum(found, axis=1))
-        return found
-
-    def _count(self, values: np.ndarray) -> None:
-        with self.counting:
-            self.evaluated += values.size
-            self.not_finite += int(np.sum(~np.isfinite(values)))
 
     def _parts(self, z: np.ndarray, of: Callable) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Which points, `AT_ONCE` at most, and what `of` finds of them in the `Surroundings` that they are in."""
@@ -116,14 +106,8 @@ class Surroundings:
         self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
 
     def squares(self, limbs: np.ndarray) -> np.ndarray:
-        """Sums of the squares of `misfits` (draw,)."""
+        """Of whitened misfits and nuisances, which are at their best under limbs (draw, parameter): summed (draw,)."""
         return self.best(limbs) ** 2 @ self.signs
-
-    def misfits(self, limbs: np.ndarray) -> np.ndarray:
-        """Whitened misfits and nuisances (draw, datum), which are at their best under limbs (draw, parameter)."""
-        count, rows = self.slopes.shape[1], self.best(limbs)
-        white = self.likelihood.whitener.white(rows[:, :-count].T).T
-        return np.concatenate([white, rows[:, -count:]], axis=1)
 
     def nuisances(self, limbs: np.ndarray) -> np.ndarray:
         """The best ones (draw, nuisance) under limbs (draw, parameter)."""

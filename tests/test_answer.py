@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Lock
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -45,15 +44,14 @@ class Plain:
 def asked(monkeypatch):
     """`answer` for a posterior that is a density of our choice, about an optimum of our choice."""
 
-    def ask(density, z, covariance, draws=None, before=None, ridge=()):
+    def ask(density, z, covariance, draws=None, before=None, ridge=(), rivals=()):
         kept = []
         density = density if isinstance(density, LimbPosterior) else Plain(density)
         monkeypatch.setattr(module, "LimbPosterior", lambda likelihood, optimum: density)
-        monkeypatch.setattr(module, "interpolated", lambda *_, **__: SimpleNamespace(trusted=False))
         information = np.linalg.inv(covariance)
         optimum = Optimum(np.asarray(z), 1.0, True, 3, information, (1.0, 2.0))
-        along = tuple(replace(optimum, z=point, cost=optimum.cost + above) for point, above in ridge)
-        optimum = replace(optimum, ridge=along)
+        ends = lambda places: tuple(replace(optimum, z=point, cost=optimum.cost + above) for point, above in places)
+        optimum = replace(optimum, ridge=ends(ridge), rivals=ends(rivals))
         nothing: Any = None
         found = answer(nothing, optimum, draws=draws, seed=1, before=before, keep=kept.append, progress=lambda *_: None)
         assert json.dumps(found.report, allow_nan=False)
@@ -78,14 +76,23 @@ def test_a_posterior_like_its_gaussian_is_answered_at_once(asked):
     assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.044), rel=0.2)
 
 
-def test_a_posterior_unlike_its_gaussian_is_sampled(asked, monkeypatch):
+@pytest.mark.parametrize("k_hat, leaps", [(0.9, True), (1.1, False)])
+def test_a_posterior_unlike_its_gaussian_is_sampled(asked, monkeypatch, k_hat, leaps):
+    """With leaps to draws like the weighed ones, where these can be thought to follow it."""
     monkeypatch.setattr(module, "MOST_DRAWS", 512_000)  # the autocorrelation time may be slow to settle
-    weighed = module.importance
-    monkeypatch.setattr(module, "importance", lambda *given, **more: replace(weighed(*given, **more), k_hat=0.9))
+    weighed, sample, proposals = module.importance, module.sample, []
+
+    def sampled(*given, proposal, **more):
+        proposals.append(proposal)
+        return sample(*given, proposal=proposal, **more)
+
+    monkeypatch.setattr(module, "sample", sampled)
+    monkeypatch.setattr(module, "importance", lambda *given, **more: replace(weighed(*given, **more), k_hat=k_hat))
     found, kept = asked(about(DUSTY, 9.0 * COVARIANCE), DUSTY, COVARIANCE)
     assert found.method == "emcee" and kept[-1].steps == found.report["sampler"]["steps"]
     assert found.report["psis"]["k_hat"] > 0.7 or found.report["psis"]["effective_samples"] < LEAST_SAMPLES
     assert found.report["sampler"]["converged"] and found.report["sampler"]["unmet"] == []
+    assert [proposal is not None for proposal in proposals] == [leaps]
     assert np.var(found.z, axis=(0, 1)) == pytest.approx(np.full(SIZE, 0.36), rel=0.15)
 
 
@@ -108,6 +115,14 @@ def test_draws_asked_for_are_sampled(asked):
 def test_no_draws_are_laplaces(asked):
     found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=0)
     assert found.method == "laplace" and found.log_posterior is None and found.report["psis"] is None
+    assert np.abs(found.z - DUSTY).max() < 2.0
+
+
+def test_without_draws_every_peak_has_its_share(asked):
+    """A rival as narrow as the optimum, with a third of its probability."""
+    there = DUSTY + 4.0
+    found, _ = asked(about(DUSTY, COVARIANCE), DUSTY, COVARIANCE, draws=0, rivals=[(there, 2.0 * np.log(3.0))])
+    assert np.mean(found.z[..., 1] > 2.0) == pytest.approx(0.25, abs=0.06)
 
 
 class Holed(LimbPosterior):
@@ -115,14 +130,14 @@ class Holed(LimbPosterior):
 
     def __init__(self, wall):
         self.evaluated = self.not_finite = 0
-        self.counting = Lock()
-        self.wall = wall
+        self.counting, self.wall = Lock(), wall
+        self.sizes, self.room = self, Room.everywhere_alike()
 
     def learn(self, z):
         return Room.everywhere_alike()
 
     def log_density(self, z, squares):
-        return np.where(np.isfinite(squares), -0.5 * (squares + np.sum(z**2, axis=1)), -np.inf)
+        return -0.5 * (squares + np.sum(z**2, axis=1))
 
     def _parts(self, z, of):
         assert of is Surroundings.squares

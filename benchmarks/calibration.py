@@ -7,8 +7,8 @@
     python -m benchmarks.calibration --rows rows.jsonl --minutes 120    # goes on with what another machine has done
 
 The row of each photograph is kept in a file, as those of archives are, and the same command does what is left, so that
-it may be stopped at any moment; rows of another version of the program do not count. Prints and keeps coverage and
-ranks, and fails (status 1) where they leave the bands of a right posterior.
+it may be stopped at any moment; rows of another version of the program, or of what draws the photographs, do not count.
+Prints and keeps coverage and ranks, and fails (status 1) where they leave the bands of a right posterior.
 """
 
 import argparse
@@ -103,7 +103,7 @@ def run(
     from inverse.chain import digest
 
     (folder / "rows").mkdir(parents=True, exist_ok=True)
-    keys = {number: digest([program(), SEED, draws, number, *how.items()]) for number in numbers}
+    keys = {number: digest([program(), _drawing(), SEED, draws, number, *how.items()]) for number in numbers}
     rows = {number: row for number, key in keys.items() if (row := read_row(folder, key)) is not None}
     left = [number for number in numbers if number not in rows]
     until = time.time() + 60.0 * minutes
@@ -121,6 +121,11 @@ def run(
             write_row(folder, rows[number])
             print(f"{len(rows)} of {len(keys)}: photograph {number} {_short(row)}", flush=True)
     return [rows[number] for number in sorted(rows)]
+
+
+def _drawing() -> list[str]:
+    """The code that photographs are drawn with."""
+    return [path.read_text() for path in sorted(Path(__file__).parent.glob("drawn_*.py"))]
 
 
 def unpack(packed: Path, folder: Path) -> None:

@@ -173,10 +173,14 @@ def summary(rows: list[dict]) -> dict:
             "ranks": {"tail": tail, "least": least, "inside": tail >= least},
         }  # fmt: skip
     found["optical depth"] = {about: accuracy(fits, *ends) for about, ends in DEPTHS.items()}
-    methods = [row["method"] for row in fits]
-    found["methods"] = {method: methods.count(method) for method in sorted(set(methods))}
+    found["methods"] = {}
+    for method in sorted({row["method"] for row in fits}):
+        seconds = [row["seconds"] for row in fits if row["method"] == method]
+        found["methods"][method] = {
+            "photographs": len(seconds), "median seconds": float(np.median(seconds)), "most seconds": max(seconds),
+        }  # fmt: skip
     for name in ("centre_error_px", "fitted_centre_error_px", "radius_error", "fitted_radius_error",
-                 "roll_error_deg", "fitted_roll_error_deg", "clock_error_s", "seconds"):  # fmt: skip
+                 "roll_error_deg", "fitted_roll_error_deg", "clock_error_s"):  # fmt: skip
         values = np.abs([row[name] for row in fits])
         found[name] = {"median": float(np.median(values)), "95 %": float(np.quantile(values, 0.95))}
     return found
@@ -239,9 +243,11 @@ def main() -> int:
             for level in ("68", "95")
         )
         print(f"{quantity:<26}{shares}, ranks {'inside' if one['ranks']['inside'] else 'outside'}")
-    for method, many in found["methods"].items():
-        seconds = [row["seconds"] for row in rows if row.get("method") == method]
-        print(f"{method:<26}{many} photographs, {np.median(seconds):.0f} s in the median, {max(seconds):.0f} s at most")
+    for method, one in found["methods"].items():
+        print(
+            f"{method:<26}{one['photographs']} photographs, {one['median seconds']:.0f} s in the median, "
+            f"{one['most seconds']:.0f} s at most"
+        )
     for about, one in found["optical depth"].items():
         if one["photographs"]:
             print(

@@ -31,6 +31,11 @@ def test_batches_of_any_length_give_what_single_points_give(posterior):
     for index in (0, BATCH, BATCH + 4):
         assert posterior(z[index : index + 1])[0] == pytest.approx(together[index], rel=1e-9)
     assert posterior.evaluated == BATCH + 5 + 3 and posterior.not_finite == 0
+    [end] = posterior.ends
+    misfits, nuisances = np.split(end.best(z), [-end.slopes.shape[1]], axis=1)
+    white = end.likelihood.whitener.white(misfits.T)
+    squares = np.sum(white**2, axis=0) + np.sum(nuisances**2, axis=1)
+    np.testing.assert_allclose(posterior.squares(z), squares, rtol=1e-9)
 
 
 def test_a_number_that_is_lost_anywhere_is_lost_in_every_datum(likelihood):
@@ -97,4 +102,5 @@ def test_a_point_without_a_finite_density_is_ruled_out(posterior):
     before, lost = posterior.evaluated, posterior.not_finite
     value = posterior(z)
     assert np.isfinite(value[0]) and value[1] == -np.inf
+    assert not np.isfinite(posterior.squares(z)[1])
     assert (posterior.evaluated - before, posterior.not_finite - lost) == (2, 1)

@@ -123,8 +123,12 @@ def _drawn(
     peaks = [end.limb for end in (optimum, *optimum.rivals)]
     bells = [*peaks, *(end.limb for end in optimum.ridge if end.cost < optimum.cost + BESIDE)]
     weighed = importance(
-        density, bells, seed=seed, learn=density.learn, report=lambda done, most: progress("weighing", done, most)
-    )  # fmt: skip
+        density.explore,
+        bells,
+        seed=seed,
+        learn=density.learn,
+        report=lambda done, most: progress("weighing", done, most),
+    )
     if before is not None:
         check_same_density(density, before)
     elif draws is None and weighed.trusted:

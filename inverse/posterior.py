@@ -1,14 +1,15 @@
 """The posterior of the limb: a density over the few parameters of the air, which all photographs share.
 
-The nuisances of the photographs are at their best under each limb, found by a few steps (`inverse.secants`): a full
-descent leaves log densities 0.1 to 0.6 higher in the mean of one posterior's draws, at random. The marginal is that
-times their room (`inverse.room`), which is learnt from draws of the posterior. To first order about the optimum alone
-neither would do: tone curve, colour matrix and exposure bend together, and an interval three times too narrow was seen.
+The nuisances of the photographs are at their best under each limb, found by a few steps (`inverse.secants`) from what
+other limbs tell of them (`inverse.nuisance_guess`): where these end leaves log densities 0.02 too low in the mean of
+one posterior's draws, and 0.03 at random. The marginal is that times their room (`inverse.room`), which is learnt from
+draws of the posterior. To first order about the optimum alone neither would do: tone curve, colour matrix and exposure
+bend together, and an interval three times too narrow was seen.
 A sampler then sees only the atmosphere. Which points of the Moon a photograph shows, half of the work, is followed to
 first order: that changed the log densities of one posterior's draws by 0.02 to 0.5 (rms of nine drawn photographs).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from threading import Lock
 
@@ -22,16 +23,17 @@ from inverse.error_size import ErrorSize
 from inverse.likelihood import LIMB, Likelihood, misfit_of
 from inverse.limb_light import Shadow
 from inverse.map_estimate import Optimum
+from inverse.nuisance_guess import Known
 from inverse.observed import Observed
 from inverse.photo_model import of_the_view, seen_and_slopes
 from inverse.room import Room, log_volume
 from inverse.secants import Secants
 from inverse.threads import side_by_side
 
-BATCH = 4  # points worked out at once: one compiled shape serves any number of them, of which few are left over
-SHADOWS = 8  # tables of the shadow worked out side by side: more needs memory and is no faster on a few cores
+BATCH = 8  # points worked out at once: one compiled shape serves any number of them, and few are repeated for it
+SHADOWS = 64  # whose tables a thread works out
 AT_ONCE = 128  # whose misfits are whitened together: a matrix product for 16 takes three times as long for each
-NEARER = (0.5, 0.0)  # shares of the linear guess tried where it is hopeless
+NEARER = (0.5, 0.0)  # shares of the line's nuisances tried where they are hopeless
 STEPS = 8  # of the nuisances after that, at most
 SETTLED = 0.2  # fall of the squares that is not worth another step
 TRIED, HOPELESS = 2, 50.0  # steps after which a limb is left that promises squares this far above the optimum's
@@ -42,8 +44,9 @@ LEARNT = 96  # draws that the nuisances' room is learnt from
 class LimbPosterior:
     """Log posterior of the limb up to a constant, the nuisances integrated out, the errors' size not quite known.
 
-    Nuisances are sought from those at the nearest of the optimum, its rivals and the points of its `ridge`. As long as
-    their room was not learnt, it is taken to be the same everywhere.
+    Nuisances are sought from those at the nearest of the optimum, its rivals and the points of its `ridge`, and from
+    what points that it learnt from (`explore`) tell of them. As long as their room was not learnt (`learn`), it is
+    taken to be the same everywhere.
 
     - `evaluated`, `not_finite`: at how many points it was asked for, and at how many it was not a finite number.
     """
@@ -51,12 +54,22 @@ class LimbPosterior:
     def __init__(self, likelihood: Likelihood, optimum: Optimum):
         self.likelihood, self.sizes, self.room = likelihood, ErrorSize(optimum), Room.everywhere_alike()
         self.ends = [Surroundings(likelihood, end) for end in (optimum, *optimum.rivals, *optimum.ridge)]
+        self.known = Known.nothing(LIMB, optimum.z.size - LIMB)
         self.evaluated = self.not_finite = 0
         self.counting = Lock()
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Log densities (draw,) of points (draw, parameter); -inf where not finite."""
-        value = self.sizes.log_density(z, self.squares(z))
+        return self._log_density(z, self.squares(z))
+
+    def explore(self, z: np.ndarray) -> np.ndarray:
+        """The same, and from now on nuisances are sought from what these points tell of them, too."""
+        squares, nuisances = self._at_best(z)
+        self.known = self.known.with_more(z, nuisances, squares + np.sum(z**2, axis=1))
+        return self._log_density(z, squares)
+
+    def _log_density(self, z: np.ndarray, squares: np.ndarray) -> np.ndarray:
+        value = self.sizes.log_density(z, squares)
         value = np.where(np.isfinite(value), value + self.room(z), -np.inf)
         with self.counting:
             self.evaluated += value.size
@@ -65,29 +78,36 @@ class LimbPosterior:
 
     def squares(self, z: np.ndarray) -> np.ndarray:
         """Sums of the squared whitened misfits and nuisances, which are at their best (draw,)."""
-        squares = np.empty(len(z))
-        for which, found in self._parts(z, Surroundings.squares):
-            squares[which] = found
-        return squares
+        return self._at_best(z)[0]
 
     def learn(self, z: np.ndarray) -> Room:
         """What log densities have more from now on: the nuisances' room, learnt once from draws (draw, parameter)."""
-        places, nuisances = zip(*self._parts(z[:LEARNT], Surroundings.nuisances), strict=True)
-        whole = np.column_stack([z[np.concatenate(places)], np.concatenate(nuisances)])
+        whole = np.concatenate([z[:LEARNT], self._at_best(z[:LEARNT])[1]], axis=1)
         volumes = list(side_by_side(partial(log_volume, self.likelihood), list(whole)))
         self.room = Room.through(whole[:, :LIMB], np.array(volumes))
         return self.room
 
-    def _parts(self, z: np.ndarray, of: Callable) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Which points, `AT_ONCE` at most, and what `of` finds of them in the `Surroundings` that they are in."""
+    def _at_best(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squares (draw,) and nuisances (draw, nuisance), found from the `Surroundings` that points are in."""
+        compiled = self.evaluated > 0
+        tables = partial(batched, partial(_entries, self.likelihood.shadow))
+        entries = np.concatenate(list(side_by_side(tables, _pieces(z, SHADOWS), compiled)))
+        guess = None if self.known.guess is None else self.known.guess(z)
         nearest = np.argmax([end.limb.log_density(z) for end in self.ends], axis=0)
-        groups = [np.flatnonzero(nearest == number) for number in range(len(self.ends))]
         parts = [
-            (end, own[begin : begin + AT_ONCE])
-            for end, own in zip(self.ends, groups, strict=True)
-            for begin in range(0, own.size, AT_ONCE)
+            (end, which)
+            for number, end in enumerate(self.ends)
+            for which in _pieces(np.flatnonzero(nearest == number), AT_ONCE)
         ]
-        return side_by_side(lambda part: (part[1], of(part[0], z[part[1]])), parts, compiled=self.evaluated > 0)
+
+        def found(part):
+            end, which = part
+            return end.at_best(z[which], entries[which], None if guess is None else guess[which])
+
+        squares, nuisances = np.empty(len(z)), np.empty((len(z), self.known.nuisances.shape[1]))
+        for (_, which), of_part in zip(parts, side_by_side(found, parts, compiled), strict=True):
+            squares[which], nuisances[which] = of_part
+        return squares, nuisances
 
 
 class Surroundings:
@@ -105,25 +125,28 @@ class Surroundings:
         self.centres = [jnp.asarray(optimum.z[place]) for place in likelihood.places]
         self.seen = [seen_and_slopes(*item) for item in zip(likelihood.models, self.centres, strict=True)]
 
-    def squares(self, limbs: np.ndarray) -> np.ndarray:
-        """Of whitened misfits and nuisances, which are at their best under limbs (draw, parameter): summed (draw,)."""
-        return self.best(limbs) ** 2 @ self.signs
+    def at_best(self, *given) -> tuple[np.ndarray, np.ndarray]:
+        """Squares of whitened misfits and nuisances (draw,), and these (draw, nuisance); arguments of `best`."""
+        rows = self.best(*given)
+        return rows**2 @ self.signs, rows[:, -self.slopes.shape[1] :]
 
-    def nuisances(self, limbs: np.ndarray) -> np.ndarray:
-        """The best ones (draw, nuisance) under limbs (draw, parameter)."""
-        return self.best(limbs)[:, -self.slopes.shape[1] :]
-
-    def best(self, limbs: np.ndarray) -> np.ndarray:
+    def best(self, limbs: np.ndarray, entries: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
         """`JointWhitener.coordinates` of the misfits, and nuisances at their best, under limbs (draw, parameter).
 
-        Where the nuisances of the linear guess are far too bad, those between it and the optimum's are tried. Steps are
-        taken from the best so far, shorter after a bad one, with slopes that learn from all of them (`Secants`).
+        Begun with a guess, where it is far too bad with those on the line through the optimum's; without one, where
+        those are, with some between. Steps are taken from the best so far, shorter after a bad one, with slopes that
+        learn from all of them (`Secants`).
+
+        - `entries`: of the shadow's tables (draw, offset, 1, channel).
+        - `guess`: (draw, nuisance), if there is one.
         """
-        entries = batched(partial(_entries, self.likelihood.shadow), limbs)
         count, here = self.slopes.shape[1], self.optimum.z[LIMB:]
         hopeless = self.optimum.cost + HOPELESS - np.sum(limbs**2, axis=1)
-        guess = self.optimum.nuisances(limbs)
-        best = self._rows(entries, guess)
+        line = self.optimum.nuisances(limbs)
+        first, *others = line, *(here + part * (line - here) for part in NEARER)
+        if guess is not None:
+            first, others = guess, [line]
+        best = self._rows(entries, first)
         least = self._finite_squares(best)
 
         def keep(which, rows):
@@ -133,10 +156,10 @@ class Surroundings:
             best[which[better]], least[which[better]] = rows[better], squares[better]
             return better
 
-        for part in NEARER:
+        for other in others:
             bad = np.flatnonzero(least > hopeless)
             if bad.size:
-                keep(bad, self._rows(entries[bad], here + part * (guess[bad] - here)))
+                keep(bad, self._rows(entries[bad], other[bad]))
         slopes = Secants(self.slopes, self.optimum.information[LIMB:, LIMB:], len(limbs), self.signs[:-count])
         moving, share = np.arange(len(limbs)), np.ones(len(limbs))
         for tried in range(STEPS):
@@ -169,6 +192,11 @@ class Surroundings:
         return np.where(np.isfinite(squares), squares, np.inf)
 
 
+def _pieces(points: np.ndarray, most: int) -> list[np.ndarray]:
+    """Points, or their indices, in pieces of so many at most."""
+    return [points[begin : begin + most] for begin in range(0, len(points), most)]
+
+
 def batched(function: Callable, *values: np.ndarray) -> np.ndarray:
     """What a function compiled for `BATCH` points makes of any number of them, the last of which is repeated."""
     count = len(values[0])
@@ -198,4 +226,4 @@ def _misfits(
 @eqx.filter_jit
 def _entries(shadow: Shadow, limb: Float[Array, "draw parameter"]):
     """Entries of the shadow's tables (draw, offset, 1, channel)."""
-    return jax.lax.map(lambda z: shadow(z).log_light, limb, batch_size=SHADOWS)
+    return jax.vmap(lambda z: shadow(z).log_light)(limb)

@@ -105,7 +105,12 @@ OF_CAMERA = frozenset(
 # What changes which points of the Moon a photograph shows, or how bright they are in sunlight: all else acts on light.
 OF_THE_VIEW = frozenset(
     [
-        "albedo.contrast", "pointing.right", "pointing.up", "pointing.radius", "pointing.roll", "pointing.offset",
+        "albedo.contrast",
+        "pointing.right",
+        "pointing.up",
+        "pointing.radius",
+        "pointing.roll",
+        "pointing.offset",
         "clock",
     ]
 )

@@ -16,7 +16,8 @@ from inverse.answer import answer, beginning, begun, by_ensemble, identity
 from inverse.diagnostics import LEAST_SAMPLES
 from inverse.map_estimate import Optimum
 from inverse.noise import Errors
-from inverse.posterior import LimbPosterior, Surroundings
+from inverse.nuisance_guess import Known
+from inverse.posterior import LimbPosterior
 from inverse.room import Room
 from tests.targets import draws_of, gaussian
 
@@ -34,6 +35,8 @@ class Plain:
 
     def __call__(self, z):
         return self.density(z)
+
+    explore = __call__
 
     def learn(self, z):
         """There are no nuisances."""
@@ -132,6 +135,7 @@ class Holed(LimbPosterior):
         self.evaluated = self.not_finite = 0
         self.counting, self.wall = Lock(), wall
         self.sizes, self.room = self, Room.everywhere_alike()
+        self.known = Known.nothing(SIZE, 0)
 
     def learn(self, z):
         return Room.everywhere_alike()
@@ -139,10 +143,9 @@ class Holed(LimbPosterior):
     def log_density(self, z, squares):
         return -0.5 * (squares + np.sum(z**2, axis=1))
 
-    def _parts(self, z, of):
-        assert of is Surroundings.squares
+    def _at_best(self, z):
         squares = (1 / 0.04 - 1) * np.sum((z - DUSTY / (1 - 0.04)) ** 2, axis=1)
-        yield np.arange(len(z)), np.where(z[:, 1] > self.wall, np.nan, squares)
+        return np.where(z[:, 1] > self.wall, np.nan, squares), np.zeros((len(z), 0))
 
 
 @pytest.mark.parametrize("draws, method", [(None, "laplace+psis"), (draws_of(10, SIZE), "emcee")])

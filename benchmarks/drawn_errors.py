@@ -11,11 +11,14 @@ from scipy.ndimage import map_coordinates
 
 from inverse import error_modes, noise
 from inverse.cells import CELLS_PER_RADIUS
+from inverse.error_modes import MOON
 from inverse.noise_fit import CENTRES, WIDTHS
-from inverse.shared_errors import MOON, OF_THE_LIMB, SHARED
+from inverse.shared_errors import OF_THE_LIMB, SHARED
 
-STEP, SIDE = 0.05, 512  # of grids that fields are drawn on [radii of the disc], and points along their sides
-RINGS = np.linspace(0.0, 0.04, 500)  # rad: offsets
+# Of grids that fields are drawn on, between lines of which they are straight: a quarter of a cell [radii of the disc];
+# and points along their sides.
+STEP, SIDE = 0.0125, 1024
+RINGS = np.linspace(0.0, 0.04, 1000)  # rad: offsets
 SURVIVING = 0.82  # of the independent errors of patches, once the picture is blurred: what is left in a cell
 
 
@@ -59,7 +62,7 @@ def at(field: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return map_coordinates(field, [y / STEP % SIDE, x / STEP % SIDE], order=1, mode="grid-wrap")
 
 
-class _Smooth:
+class Smooth:
     """Smooth errors of variance 1, of all channels or of one."""
 
     def __init__(self, random: np.random.Generator):
@@ -85,12 +88,12 @@ class DrawnErrors:
         self.share = share
         sizes = np.exp(CENTRES + WIDTHS * random.standard_normal(len(CENTRES)))
         _, self.common, self.chromatic, self.uneven = sizes
-        self.smooth = [_Smooth(random) for _ in range(4)]
+        self.smooth = [Smooth(random) for _ in range(4)]
         self.broad = [field(random, _broad) for _ in range(4)]
 
     def of(self, random: np.random.Generator, seen: Located) -> np.ndarray:
         """Errors of the log light of one photograph (row, column, 3)."""
-        own = [_Smooth(random) for _ in range(4)]
+        own = [Smooth(random) for _ in range(4)]
         together, *each = (
             np.sqrt(SHARED) * shared(seen) + np.sqrt(1.0 - SHARED) * alone(seen)
             for shared, alone in zip(self.smooth, own, strict=True)

@@ -23,9 +23,9 @@ from benchmarks.measure import RESULTS
 from benchmarks.shared_misfits import KNOTS, Seen, beside_offset, beside_shadow, by_place, rms, variances
 from eclipsejax import session
 from inverse.catalogue import Entry, catalogue, photograph
+from inverse.error_modes import MOON
 from inverse.fit import fit_atmosphere
 from inverse.result import Fit, PhotoFit
-from inverse.shared_errors import MOON
 
 SERIES = "2015-09-28-canon-t2i/"
 SINGLE = ("IMG_8672.jpg", "IMG_8718.jpg", "IMG_8742.jpg", "IMG_8757.jpg")

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.interpolate import make_lsq_spline
 from scipy.spatial.distance import cdist
 
-from inverse.error_modes import LENGTH, centred
-from inverse.shared_errors import MOON
+from inverse.error_modes import MOON, centred, over_disc
 
 KNOTS = 8  # of the smooth function of the offset
 BUMPS = 1.5e-3  # rad: width of the bumps that make the function of the place in the shadow, and how far they are apart
@@ -110,7 +109,7 @@ def variances(misfits: Sequence[Seen]) -> dict[str, dict[str, float]]:
     inside, square = 0.0, 0.0
     for number, (shadow, moon, value) in enumerate(chosen):
         for other, (farther, beyond, product) in enumerate(chosen):
-            kernels = [centred(np.exp(-cdist(*pair) / LENGTH)).ravel() for pair in ((shadow, farther), (moon, beyond))]
+            kernels = [centred(over_disc(cdist(*pair))).ravel() for pair in ((shadow, farther), (moon, beyond))]
             products = centred(np.outer(value, product)).ravel()
             if number == other:
                 inside, square = inside + kernels[0] @ products, square + kernels[0] @ kernels[0]

@@ -9,10 +9,16 @@ that are thought small, and so on those that modes leave out: against what whole
 import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial.distance import cdist
+from scipy.special import erf, i0e, i1e
 
+from inverse.cells import CELLS_PER_RADIUS
+
+MOON = 4.5e-3  # rad: the Moon's radius, as it is on the Earth's shadow
 LENGTH = 0.35  # of the disc's radius, about 6 arcmin
 RADIAL = 1e-3  # rad: 3.4 arcmin
-MODES = 200  # common to the channels, and as many for each
+# Standard deviation, along any line, of what two points of two cells are apart, from what their middles are [radii].
+WITHIN = np.sqrt(1.0 / 6.0) / CELLS_PER_RADIUS
+MODES = 220  # common to the channels, and as many for each
 BROAD = 0.6  # of the disc's radius, the length of an uneven limb's errors: a third of a quadrant of the limb
 BROAD_MODES = 24  # of them on one disc
 BENT_MODES = 20  # of their squares
@@ -27,18 +33,38 @@ def smooth_modes(
     Half of it exp(-distance / LENGTH) over the disc: rough at every scale, as the misfits of real photographs are.
     Half of it exp(-difference / RADIAL) of the offsets from the shadow's axis: limbs that differ from one another, as
     the Earth's do, wash out every sharp feature that a symmetric one has. The `MODES` with the largest variance; what
-    is left of it is independent from cell to cell, and the amplitude of independent errors is fitted.
+    is left of it is independent from cell to cell, and the amplitude of independent errors is fitted. Both are of means
+    over cells, of `CELLS_PER_RADIUS`.
 
     - `position`: on the disc, in its radii (cell, 2); `offset`: (cell,) [rad].
     - `shared`: modes that are known already, and are left out (cell, mode).
     """
     apart = np.linalg.norm(position[:, None] - position, axis=-1)
     farther = np.abs(offset[:, None] - offset)
-    covariance = centred(0.5 * np.exp(-apart / LENGTH) + 0.5 * np.exp(-farther / RADIAL))
+    covariance = centred(0.5 * over_disc(apart) + 0.5 * over_rings(farther))
     if shared is not None:
         covariance = covariance - shared @ shared.T
     modes = largest_modes(covariance, MODES)
     return modes, np.maximum(np.diag(covariance) - np.sum(modes**2, axis=1), 0.0)
+
+
+def over_disc(apart: np.ndarray) -> np.ndarray:
+    """exp(-distance / LENGTH) between the means over two cells, whose middles are so far apart [radii].
+
+    By the mean distance of their points (Rice 1945), which are taken to lie about the middles as Gauss has it. From one
+    cell to the next the errors change by half of what they do from point to point: counted as the latter, temperatures,
+    which are seen in fine patterns, had intervals too wide by a tenth.
+    """
+    square = np.square(0.5 * apart / WITHIN)
+    mean = (1.0 + 2.0 * square) * i0e(square) + 2.0 * square * i1e(square)
+    return np.exp(-np.sqrt(0.5 * np.pi) * WITHIN * mean / LENGTH)
+
+
+def over_rings(apart: np.ndarray) -> np.ndarray:
+    """exp(-difference / RADIAL) between the means over two cells, whose offsets differ so much [rad]; likewise."""
+    within = WITHIN * MOON
+    mean = within * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * np.square(apart / within))
+    return np.exp(-(mean + apart * erf(apart / within / np.sqrt(2.0))) / RADIAL)
 
 
 def broad_modes(position: np.ndarray, on_disc: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from scipy.spatial.distance import cdist
 
 from eclipsejax.constants import MOON_RADIUS
 from eclipsejax.scene import axis_offset, axis_position_angle, disc_points
-from inverse.error_modes import BROAD, LENGTH, RADIAL
+from inverse.error_modes import BROAD, MOON, over_disc, over_rings
 from inverse.threads import side_by_side
 
 SHARED = 0.8  # of the variance of smooth errors
@@ -31,7 +31,6 @@ MODES = 80  # the largest, common to the channels, and as many for each
 UNEVEN_MODES = 40  # of a limb that is uneven
 POINTS = 900  # of all photographs, that the modes are found on
 DISTINCT = 1e-6  # of the most variance: patterns that have less of it are made of the others
-MOON = 4.5e-3  # rad: the Moon's radius, as it is on the Earth's shadow
 
 
 @dataclass(frozen=True)
@@ -71,11 +70,10 @@ def places_of(model) -> Places:
 
 def covariance(one: Places, other: Places) -> np.ndarray:
     """Of shared smooth errors of variance 1 in cells of two photographs, or of one with itself (cell, cell)."""
-    over_disc = np.exp(-cdist(one.disc, other.disc) / LENGTH)
-    over_shadow = np.exp(-cdist(one.shadow, other.shadow) / (LENGTH * MOON))
+    of_moon, of_limb = over_disc(cdist(one.disc, other.disc)), over_disc(cdist(one.shadow, other.shadow) / MOON)
     offset, farther = (np.linalg.norm(places.shadow, axis=1) for places in (one, other))
-    of_offset = np.exp(-np.abs(offset[:, None] - farther) / RADIAL)
-    return 0.5 * (OF_THE_LIMB * over_shadow + (1.0 - OF_THE_LIMB) * over_disc + of_offset)
+    of_offset = over_rings(np.abs(offset[:, None] - farther))
+    return 0.5 * (OF_THE_LIMB * of_limb + (1.0 - OF_THE_LIMB) * of_moon + of_offset)
 
 
 def unevenness(one: Places, other: Places) -> np.ndarray:

@@ -5,14 +5,41 @@ import pytest
 
 from benchmarks import at_truth
 from benchmarks.accuracy import judged
-from benchmarks.drawn_errors import DrawnErrors, Located, at, field, rough
+from benchmarks.drawn_errors import DrawnErrors, Located, Smooth, at, field, rough
 from benchmarks.drawn_photograph import FULL
 from benchmarks.drawn_series import draw_series
 from benchmarks.series_2015 import part_of, told
 from benchmarks.shared_misfits import SQUARE, Seen, beside_offset, beside_shadow, by_place, rms, variances
+from inverse import error_modes
+from inverse.cells import CELLS_PER_RADIUS
+from inverse.error_modes import MOON
 from inverse.photo import read_photo
 from inverse.result import PhotoFit
-from inverse.shared_errors import MOON
+
+
+def test_drawn_errors_change_from_cell_to_cell_as_fits_think():
+    """Smooth ones, in 24 photographs: a fit that thought twice of it had temperatures that were too vague."""
+    rows, columns = np.indices((240, 240))
+    right, up = (columns - 120.3) / 145.0, (119.6 - rows) / 145.0
+    shadow = MOON * right + 2e-3, MOON * up - 3e-3
+    square = np.floor(np.stack([up, right]) * CELLS_PER_RADIUS).astype(int) + CELLS_PER_RADIUS // 2
+    inside = ((square >= 0) & (square < CELLS_PER_RADIUS)).all(axis=0)
+
+    def means(values):
+        found = np.zeros((2, CELLS_PER_RADIUS, CELLS_PER_RADIUS))
+        np.add.at(found[0], tuple(square[:, inside]), values[inside])
+        np.add.at(found[1], tuple(square[:, inside]), 1.0)
+        return found[0] / found[1]
+
+    located = Located(right, up, right, up, shadow)
+    drawn = np.array([means(Smooth(np.random.default_rng(seed))(located)) for seed in range(24)])
+    away, offset = np.stack([means(right), means(up)]), means(np.hypot(*shadow))
+    correlation = lambda apart, farther: 0.5 * (error_modes.over_disc(apart) + error_modes.over_rings(farther))
+    for cells in (1, 4):
+        change = np.square(drawn[..., cells:] - drawn[..., :-cells]).mean()
+        apart = np.linalg.norm(away[..., cells:] - away[..., :-cells], axis=0)
+        thought = correlation(0.0, 0.0) - correlation(apart, np.abs(offset[:, cells:] - offset[:, :-cells]))
+        assert 0.5 * change == pytest.approx(thought.mean(), rel=0.12)
 
 
 def row(truth, median, sd):
@@ -101,7 +128,7 @@ def test_misfits_by_place_are_those_of_the_shadow_and_spread_by_the_moons_own():
 def test_variances_are_told_apart_by_place():
     """Of fields drawn over the shadow and over the Moon, mean of several."""
     found = []
-    for seed in range(24):
+    for seed in range(64):
         random = np.random.default_rng(seed)
         limb, relief = field(random, rough), field(random, rough)
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from inverse import error_modes, noise
+from inverse.cells import CELLS_PER_RADIUS
 from inverse.whitener import Alone, whitener
 
 
@@ -38,7 +39,21 @@ def disc(count=14):
 
 def smooth_covariance(position, offset):
     apart, farther = np.linalg.norm(position[:, None] - position, axis=-1), np.abs(offset[:, None] - offset)
-    return 0.5 * np.exp(-apart / error_modes.LENGTH) + 0.5 * np.exp(-farther / error_modes.RADIAL)
+    return 0.5 * error_modes.over_disc(apart) + 0.5 * error_modes.over_rings(farther)
+
+
+@pytest.mark.parametrize("along", [0.0, 0.35, np.pi / 4])
+@pytest.mark.parametrize("apart", [0.0, 1.0, 1.5, 3.0, 10.0])
+def test_errors_of_cells_are_the_means_of_those_of_their_points(along, apart):
+    """However the cells lie to one another, and to the rings that errors are functions of."""
+    side, direction = 1.0 / CELLS_PER_RADIUS, np.array([np.cos(along), np.sin(along)])
+    one, other = (np.random.default_rng(seed).uniform(-0.5, 0.5, (200_000, 2)) for seed in (0, 1))
+    between = side * (apart * direction + one - other)
+    over_disc = np.exp(-np.linalg.norm(between, axis=1) / error_modes.LENGTH).mean()
+    over_rings = np.exp(-error_modes.MOON * np.abs(between @ direction) / error_modes.RADIAL).mean()
+    # Of a change of 0.08 and 0.15 from one cell to the next.
+    assert error_modes.over_disc(np.array(side * apart)) == pytest.approx(over_disc, abs=0.003)
+    assert error_modes.over_rings(np.array(error_modes.MOON * side * apart)) == pytest.approx(over_rings, abs=0.007)
 
 
 def about_the_mean(covariance):

@@ -69,7 +69,7 @@ class Placed:
         return cls(blocks, Places(places.disc[seen], places.shadow[seen], places.on_disc[seen]))
 
 
-@lru_cache(maxsize=64)  # exposures of one time have the same: half of the work of comparing them
+@lru_cache(maxsize=512)  # exposures of one time have the same, with each of some dozen photographs
 def _between(kernel: Kernel, one: Placed, other: Placed) -> np.ndarray:
     """A covariance of cells, of the means over blocks of two photographs (block, block)."""
     return one.blocks.weights @ centred(kernel(one.places, other.places)) @ other.blocks.weights.T

@@ -103,7 +103,7 @@ def importance(
 
 
 def weighed(z: np.ndarray, log_posterior: np.ndarray, log_proposal: np.ndarray, random) -> Importance:
-    """Draws of a chain on another density, weighed by the posterior.
+    """Draws of one proposal, weighed by the posterior.
 
     - `z`: (draw, parameter); `log_posterior`, `log_proposal`: (draw,).
     - `random`: NumPy's generator.

@@ -81,17 +81,15 @@ class Likelihood:
 
     def misfits(self, z: np.ndarray) -> list[np.ndarray]:
         """Data minus model of each photograph, in log value."""
-        table = shadow_light(self.shadow, jnp.asarray(z[:LIMB]))
-        return [
-            np.asarray(misfit(model, observed, table, jnp.asarray(z[place]))) for model, observed, place in self._each()
-        ]
+        return [misfit for misfit, _ in self.misfits_and_slopes(z)]
 
     def misfits_and_slopes(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """The same with their derivatives by `columns` (datum, parameter)."""
         light, slopes = shadow_slopes(self.shadow, jnp.asarray(z[:LIMB]))
+        each = zip(self.models, self.observed, self.places, strict=True)
         found = [
             misfit_and_slopes(model, observed, self.shadow, light, slopes, jnp.asarray(z[place]))
-            for model, observed, place in self._each()
+            for model, observed, place in each
         ]
         return [(np.asarray(value), np.asarray(by)) for value, by in found]
 
@@ -120,9 +118,6 @@ class Likelihood:
         observed = [one.with_error(each.whole, each.excess) for one, each in zip(self.observed, errors, strict=True)]
         return replace(self, errors=tuple(errors), observed=tuple(observed))
 
-    def _each(self):
-        return zip(self.models, self.observed, self.places, strict=True)
-
     def centred(self, groups: Sequence[Sequence[int]]) -> "Likelihood":
         """The same with gains centred: medians of model and data agree at the prior's centre.
 
@@ -144,14 +139,8 @@ class Likelihood:
         return np.asarray(observed.value - predicted.ravel())[np.asarray(observed.measured) > 0]
 
 
-@eqx.filter_jit
-def misfit(model, observed: Observed, table: ShadowTable, nuisance) -> Float[Array, " datum"]:
-    """Data minus model of one photograph, as `Observed.misfit`."""
-    return misfit_of(model, observed, table, model.seen(nuisance), nuisance)
-
-
 def misfit_of(model, observed: Observed, table: ShadowTable, shown, nuisance) -> Float[Array, " datum"]:
-    """The same, where what the photograph shows of the Moon is known."""
+    """Data minus model of one photograph, as `Observed.misfit`; `shown`: of the Moon, by its `seen`."""
     return observed.misfit(log_value(model, model.signal(table, shown, nuisance)).ravel())
 
 
@@ -187,7 +176,7 @@ def response(model, table: ShadowTable, z: Float[Array, " parameter"], together,
 
 @eqx.filter_jit
 def misfit_and_slopes(model, observed: Observed, shadow: Shadow, light, slopes, nuisance):
-    """`misfit` (datum,) and its derivatives by the limb and the nuisances (datum, parameter).
+    """`misfit_of` (datum,) and its derivatives by the limb and the nuisances (datum, parameter).
 
     - `light`, `slopes`: of the shadow's table, as `limb_light.shadow_slopes` gives them.
     """

@@ -29,7 +29,7 @@ class Observed(eqx.Module):
     - `limit`: 1 where it is a lower limit, -1 where an upper one, else 0 (datum,).
     - `error`: standard deviation of the model's error, which counts where there is a limit (datum,).
     - `excess`: its mean (datum,).
-    - `limited`: which have a limit (limited,).
+    - `limited`: numbers of those that have a limit; and one that no datum has, up to a power of two (limited,).
     """
 
     value: Float[Array, " datum"]
@@ -42,10 +42,10 @@ class Observed(eqx.Module):
     def misfit(self, predicted: Float[Array, " datum"]) -> Float[Array, " datum"]:
         """Data minus model, 0 where nothing is known, and roots of what limits cost where they are broken (datum,)."""
         missed = self.value - self.excess - predicted
-        limit, at = self.limit[self.limited], self.limited  # of them alone: what a limit costs takes long to work out
-        above = jnp.minimum(-limit * missed[at] / self.error[at], KEPT)
-        broken = limit * jnp.sqrt(-2.0 * SHARE * log_ndtr(above))
-        return (self.measured * missed).at[at].set(broken)
+        at = jnp.minimum(self.limited, self.limit.size - 1)  # of them alone: what a limit costs takes long to work out
+        above = jnp.minimum(-self.limit[at] * missed[at] / self.error[at], KEPT)
+        broken = self.limit[at] * jnp.sqrt(-2.0 * SHARE * log_ndtr(above))
+        return (self.measured * missed).at[self.limited].set(broken, mode="drop")
 
     def with_error(self, error: np.ndarray, excess: np.ndarray | float = 0.0) -> "Observed":
         """The same with another `error` (datum,), or as much as there is at least, and `excess` (datum,)."""
@@ -61,5 +61,8 @@ def observed(value: np.ndarray, usable: np.ndarray, limit: np.ndarray, error: np
     """
     known = (jnp.asarray(array.ravel(), dtype=float) for array in (value, usable, limit))
     none = jnp.zeros(value.size)
-    limited = jnp.asarray(np.flatnonzero(limit))
-    return Observed(*known, error=none, excess=none, limited=limited).with_error(error)
+    limited = np.flatnonzero(limit)
+    # Each size is compiled anew, and so there are few.
+    room = min(1 << (max(limited.size, 1) - 1).bit_length(), value.size)
+    limited = np.pad(limited, (0, room - limited.size), constant_values=value.size)
+    return Observed(*known, error=none, excess=none, limited=jnp.asarray(limited)).with_error(error)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclipsejax.ephemeris import Geometry
+from eclipsejax.traced import real
 from inverse import noise, prior
 from inverse.blocked import Blocked, Blocks, Placed, blocked
 from inverse.evidence import Evidence
@@ -37,7 +38,7 @@ class SameCamera:
         model, place = likelihood.models[number], likelihood.places[number]
         once = model.tone_curve == "linear" or getattr(item.photo, "balanced_once", None)
         widths = lambda model: (model.exposure_width, model.tint_width)
-        self.model = eqx.tree_at(widths, model, (jnp.asarray(STATED), jnp.asarray(TINT if once else FREE_TINT)))
+        self.model = eqx.tree_at(widths, model, (real(STATED), real(TINT if once else FREE_TINT)))
         self.sources, self.errors = likelihood.sources[number], likelihood.errors[number]
         self.blocks = Blocks(model, along_radius)
         names = [parameter.name for parameter in model.parameters]

@@ -57,3 +57,16 @@ def test_slopes_agree_with_differences(limit):
 def test_measurements_are_data_minus_model_and_the_rest_nothing():
     assert np.asarray(cells(0, 0.3, usable=True).misfit(jnp.full(3, 0.1))) == pytest.approx(0.2)
     assert not np.asarray(cells(0, 0.3).misfit(jnp.full(3, 0.1))).any()
+
+
+@pytest.mark.parametrize("count", [1, 5, 8, 12])
+def test_limits_are_of_few_sizes_and_cost_what_each_does(count):
+    random = np.random.default_rng(count)
+    value, limit = random.standard_normal((4, 3)), np.zeros((4, 3))
+    limit.flat[random.permutation(12)[:count]] = random.choice([-1.0, 1.0], count)
+    data = observed(value, limit == 0, limit, np.full(12, ERROR))
+    assert data.limited.size in (1, 8, 12) and set(np.flatnonzero(limit)) <= set(np.asarray(data.limited).tolist())
+    alone = [
+        cells(one, at, usable=one == 0).misfit(jnp.zeros(3))[0] for one, at in zip(limit.flat, value.flat, strict=True)
+    ]
+    np.testing.assert_allclose(data.misfit(jnp.zeros(12)), alone, rtol=1e-12)

@@ -5,6 +5,7 @@ eclipse; a part of each photograph is its own, and every patch as large as a cel
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -42,10 +43,22 @@ def field(random: np.random.Generator, correlation) -> np.ndarray:
 
     - `correlation`: of a distance [radii].
     """
-    away = STEP * np.minimum(np.arange(SIDE), SIDE - np.arange(SIDE))
-    spectrum = np.fft.rfft2(correlation(np.hypot(away[:, None], away))).real
     white = np.fft.rfft2(random.standard_normal((SIDE, SIDE)))
-    return np.fft.irfft2(white * np.sqrt(np.maximum(spectrum, 0.0)), s=(SIDE, SIDE))
+    return np.fft.irfft2(white * _amplitudes(correlation), s=(SIDE, SIDE))
+
+
+@cache
+def _amplitudes(correlation) -> np.ndarray:
+    """Roots of the spectrum of a correlation."""
+    away = STEP * np.minimum(np.arange(SIDE), SIDE - np.arange(SIDE))
+    return np.sqrt(np.maximum(np.fft.rfft2(correlation(np.hypot(away[:, None], away))).real, 0.0))
+
+
+@cache
+def _of_rings() -> np.ndarray:
+    """Root of the covariance of errors of the offset (ring, ring)."""
+    kernel = np.exp(-np.abs(RINGS[:, None] - RINGS) / error_modes.RADIAL)
+    return np.linalg.cholesky(kernel + 1e-9 * np.eye(RINGS.size))
 
 
 def rough(distance: np.ndarray) -> np.ndarray:
@@ -66,9 +79,8 @@ class Smooth:
     """Smooth errors of variance 1, of all channels or of one."""
 
     def __init__(self, random: np.random.Generator):
-        kernel = np.exp(-np.abs(RINGS[:, None] - RINGS) / error_modes.RADIAL)
         self.of_shadow, self.of_moon = field(random, rough), field(random, rough)
-        self.of_offset = np.linalg.cholesky(kernel + 1e-9 * np.eye(RINGS.size)) @ random.standard_normal(RINGS.size)
+        self.of_offset = _of_rings() @ random.standard_normal(RINGS.size)
 
     def __call__(self, seen: Located) -> np.ndarray:
         limb = at(self.of_shadow, *(axis / MOON for axis in seen.shadow))

@@ -15,7 +15,7 @@ help:
 	@echo "make docs         build the documentation in site/; broken references fail"
 	@echo "make bench        measure speed against error, here and of others; rewrites benchmarks/results/"
 	@echo "make calibration  fit 500 photographs drawn from the prior: do intervals hold the truth? Takes hours, resumes"
-	@echo "make calibration-60  fit 60 of those, as many as can be begun within 33 minutes"
+	@echo "make calibration-60  fit 60 of those, as many as can be begun within 31 minutes"
 	@echo "make render       render an eclipse to out/eclipse.png"
 	@echo "make picture      make the pictures of the README"
 	@echo "make clean        remove all that make has made, .venv included"
@@ -49,7 +49,7 @@ calibration: $(READY)
 
 # Not the first hundred, which were looked at while the fit was made.
 calibration-60: $(READY)
-	$(BIN)/python -m benchmarks.calibration --first 100 --count 60 --minutes 33 --out out/calibration-60
+	$(BIN)/python -m benchmarks.calibration --first 100 --count 60 --minutes 31 --out out/calibration-60
 
 render: $(READY)
 	mkdir -p out

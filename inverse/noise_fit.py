@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dtrtri  # pyright: ignore[reportAttributeAccessIssue]
 from scipy.optimize import minimize
 
 from inverse.noise import CHROMATIC, COMMON, UNEVEN, Errors

@@ -6,7 +6,7 @@ and fewer searches end beside the best.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -41,7 +41,7 @@ class Known:
         pairs = zip((self.limbs, self.nuisances, self.cost), (limbs, nuisances, cost), strict=True)
         limbs, nuisances, cost = (np.concatenate(pair) for pair in pairs)
         near = np.flatnonzero(cost < np.min(cost, initial=np.inf) + NEAR)[-MOST:]
-        return replace(self, limbs=limbs[near], nuisances=nuisances[near], cost=cost[near])
+        return Known(limbs[near], nuisances[near], cost[near])
 
     @cached_property
     def guess(self) -> Callable[[np.ndarray], np.ndarray] | None:

@@ -143,8 +143,9 @@ class Surroundings:
         count, here = self.slopes.shape[1], self.optimum.z[LIMB:]
         hopeless = self.optimum.cost + HOPELESS - np.sum(limbs**2, axis=1)
         line = self.optimum.nuisances(limbs)
-        first, *others = line, *(here + part * (line - here) for part in NEARER)
-        if guess is not None:
+        if guess is None:
+            first, others = line, [here + part * (line - here) for part in NEARER]
+        else:
             first, others = guess, [line]
         best = self._rows(entries, first)
         least = self._finite_squares(best)

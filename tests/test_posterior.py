@@ -21,16 +21,19 @@ def posterior(likelihood):
     return LimbPosterior(likelihood, Optimum(z, 0.0, True, 1, quadratic(likelihood, z).information, ()))
 
 
+@pytest.fixture(scope="module")
+def optimum(likelihood):
+    return descend(likelihood, np.zeros(len(likelihood.parameters)))
+
+
 def costs(posterior, limbs):
     """Of limbs with their best nuisances, as `Optimum.cost`."""
     return posterior.squares(limbs) + np.sum(limbs**2, axis=1)
 
 
-def least_costs(likelihood, optimum, limbs):
-    """The same as a descent of the nuisances finds them, with fresh slopes at every step."""
-    nuisances = np.arange(LIMB, optimum.z.size)
-    whole = [np.concatenate([limb, optimum.nuisances(limb)]) for limb in limbs]
-    return np.array([descend(likelihood, z, 1e-7, nuisances).cost for z in whole])
+def least_costs(likelihood, starts):
+    """The same as descents of the nuisances find them, with fresh slopes at every step; `starts`: z of everything."""
+    return np.array([descend(likelihood, z, 1e-7, np.arange(LIMB, z.size)).cost for z in starts])
 
 
 def test_batches_of_any_length_give_what_single_points_give(posterior):
@@ -57,25 +60,23 @@ def test_a_number_that_is_lost_anywhere_is_lost_in_every_datum(likelihood):
         assert np.isnan(likelihood.misfits(z)[0][usable]).all(), likelihood.labels[index]
 
 
-def test_nuisances_are_at_their_best(likelihood):
+def test_nuisances_are_at_their_best(likelihood, optimum):
     """As a full descent finds them: exact where it counts, and never better."""
-    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     posterior = LimbPosterior(likelihood, optimum)
     factor = np.linalg.cholesky(optimum.covariance[:LIMB, :LIMB])
     limbs = optimum.z[:LIMB] + np.random.default_rng(3).standard_normal((LIMBS, LIMB)) @ factor.T
-    exact = least_costs(likelihood, optimum, limbs)
+    exact = least_costs(likelihood, np.concatenate([limbs, optimum.nuisances(limbs)], axis=1))
     worse = costs(posterior, limbs) - exact
     likely = exact < optimum.cost + 20.0
     assert likely.sum() > 8 and worse.min() > -0.1
     assert worse[likely].max() < 1.5 and np.median(worse[likely]) < 0.2
 
 
-def test_what_other_limbs_tell_finds_nuisances_nearer_to_their_best(likelihood):
+def test_what_other_limbs_tell_finds_nuisances_nearer_to_their_best(likelihood, optimum):
     """In the mean, with fewer steps, and nowhere far from it."""
-    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     random = np.random.default_rng(4)
     limbs = optimum.limb.at(random.standard_normal((48, LIMB)))
-    exact = least_costs(likelihood, optimum, limbs)
+    exact = least_costs(likelihood, np.concatenate([limbs, optimum.nuisances(limbs)], axis=1))
     likely = exact < optimum.cost + 20.0
     assert likely.sum() > 32
 
@@ -93,9 +94,8 @@ def test_what_other_limbs_tell_finds_nuisances_nearer_to_their_best(likelihood):
     assert after.min() > -0.1 and after.max() < 1.5
 
 
-def test_the_ridge_has_the_best_points_under_other_clouds_and_dust(likelihood):
+def test_the_ridge_has_the_best_points_under_other_clouds_and_dust(likelihood, optimum):
     """One quantity aside, nothing pulls there, and the posterior has their nuisances where a full descent does."""
-    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     found = ridge(likelihood, optimum)
     names = [parameter.name for parameter in likelihood.parameters]
     for point in found:
@@ -107,15 +107,13 @@ def test_the_ridge_has_the_best_points_under_other_clouds_and_dust(likelihood):
         assert abs(point.z[number] - optimum.z[number]) > APART
         assert optimum.cost - 0.5 < here.cost < optimum.cost + LIKELY
     assert all(len({point.z[names.index(name)] for point in found} & set(PLACES)) > 1 for name in ALONG)
-    limbs, nuisances = np.array([point.z[:LIMB] for point in found]), np.arange(LIMB, optimum.z.size)
-    exact = [descend(likelihood, point.z, 1e-7, nuisances).cost for point in found]
+    limbs, exact = np.array([point.z[:LIMB] for point in found]), least_costs(likelihood, [point.z for point in found])
     known = LimbPosterior(likelihood, replace(optimum, ridge=tuple(found)))
     assert costs(known, limbs) == pytest.approx(exact, abs=0.3)
 
 
-def test_a_rival_serves_its_own_neighbours(likelihood):
+def test_a_rival_serves_its_own_neighbours(likelihood, optimum):
     """Points between two ends have one density, whichever of them their nuisances are sought from."""
-    optimum = descend(likelihood, np.zeros(len(likelihood.parameters)))
     step = 0.5 * np.sqrt(np.diag(optimum.covariance))
     step[LIMB:] = 0.0
     aside = np.concatenate([optimum.z[:LIMB] + step[:LIMB], optimum.nuisances(optimum.z[:LIMB] + step[:LIMB])])
